@@ -1,0 +1,36 @@
+"""Build hostmot2._core: hm2.h is the interface, every C file below csrc/ is the core."""
+
+import re
+from pathlib import Path
+
+from cffi import FFI
+
+CSRC = Path(__file__).parent
+ROOT = CSRC.parent
+
+
+def declarations(header: str) -> str:
+    """The C header as cffi wants it: no comments, no preprocessor but integer constants."""
+    text = re.sub(r"/\*.*?\*/", "", header, flags=re.DOTALL)
+    text = re.sub(r"^#define\s+HM2_H\s*$", "", text, flags=re.MULTILINE)
+    text = re.sub(r"^#(?!define).*$", "", text, flags=re.MULTILINE)
+    return re.sub(r"^#define\s+(\w+)\s+.+$", r"#define \1 ...", text, flags=re.MULTILINE)
+
+
+def files(pattern: str) -> list[str]:
+    return sorted(str(path.relative_to(ROOT)) for path in CSRC.rglob(pattern))
+
+
+ffibuilder = FFI()
+ffibuilder.cdef(declarations((CSRC / "hm2.h").read_text()))
+ffibuilder.set_source(
+    "hostmot2._core",
+    '#include "hm2.h"',
+    sources=files("*.c"),
+    depends=files("*.h"),
+    include_dirs=["csrc"],
+    libraries=["m"],
+    extra_compile_args=["-std=c11", "-O3", "-g", "-D_GNU_SOURCE", "-pthread", "-Wall", "-Wextra", "-fvisibility=hidden"],
+    extra_link_args=["-pthread"],
+    py_limited_api=True,
+)

@@ -1,0 +1,71 @@
+/* hostmot2: the public C interface. This file is also the cffi cdef, so it holds
+ * declarations, enums and integer defines only: no inline code, no conditionals.
+ *
+ * Conventions
+ *   word     32 bits; address = byte address in the card's 64 KiB register file
+ *   returns  HM2_OK (0) or a negative hm2_status; evidence goes to the caller's hm2_error
+ *   buffers  belong to the caller and always come with a size
+ *   time     nanoseconds (_ns) on the bus's own clock; the emulator's engine counts picoseconds (_ps)
+ *   threads  an object is used by one thread at a time; different objects are independent
+ */
+#ifndef HM2_H
+#define HM2_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* ---- status and evidence (error.c) ------------------------------------------------------ */
+
+enum hm2_status {
+	HM2_OK = 0,
+	HM2_ERR_IO = -1,        /* the operating system refused; os_errno says why */
+	HM2_ERR_TIMEOUT = -2,   /* no answer before the deadline */
+	HM2_ERR_PROTOCOL = -3,  /* an answer that cannot be right: expected, received */
+	HM2_ERR_RANGE = -4,     /* an argument outside its range: expected = limit, received = value */
+	HM2_ERR_ALIGN = -5,     /* an address that is not a multiple of four */
+	HM2_ERR_CLOSED = -6,    /* used after close */
+	HM2_ERR_BUSY = -7,      /* the card is still at work on the last command */
+	HM2_ERR_NO_MEMORY = -8,
+	HM2_ERR_READ_ONLY = -9,
+	HM2_ERR_FORMAT = -10    /* a table in the card's or a remote's memory is broken: address, detail */
+};
+
+typedef struct hm2_error {
+	int32_t status;    /* enum hm2_status */
+	int32_t os_errno;  /* for HM2_ERR_IO */
+	int32_t detail;    /* a code of the layer that failed, named in `where` */
+	int32_t index;     /* channel, module, pin or record number; -1: none */
+	uint32_t address;
+	uint32_t expected;
+	uint32_t received;
+	char where[32];    /* short static text: "sserial doit", "idrom" */
+} hm2_error;
+
+const char *hm2_status_name(int status);
+
+/* ---- the register interface (every transport, and the emulator, offers this) ------------- */
+
+#define HM2_TRANSFER_READ 0
+#define HM2_TRANSFER_WRITE 1
+#define HM2_TRANSFER_SAME_ADDRESS 2 /* flag: a FIFO, the address does not advance */
+
+typedef struct hm2_transfer {
+	uint32_t address; /* multiple of 4, below 0x10000 */
+	uint16_t count;   /* words */
+	uint16_t flags;   /* HM2_TRANSFER_* */
+	uint32_t *words;  /* read: filled in by finish; write: taken by begin */
+} hm2_transfer;
+
+/* Transfers happen in list order. `begin` may send and return at once; `finish` waits for the
+ * answers of the last begin until deadline_ns on the bus's clock. A list stays valid in between.
+ * One begin is outstanding at a time. All members are required. */
+typedef struct hm2_bus {
+	void *self;
+	int (*begin)(void *self, const hm2_transfer *transfers, size_t count, hm2_error *error);
+	int (*finish)(void *self, int64_t deadline_ns, hm2_error *error);
+	int64_t (*now_ns)(void *self);             /* the clock deadlines are measured on */
+	void (*pause_ns)(void *self, int64_t ns);  /* let that time pass (virtual clocks step) */
+	void (*close)(void *self);
+} hm2_bus;
+
+#endif

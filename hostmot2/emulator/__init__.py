@@ -1,0 +1,1 @@
+"""The emulated card: EmulatedBoard and EmulatedRemote, for people who write tests."""
