@@ -1,5 +1,19 @@
-/* Names of the status codes. */
-#include "hm2.h"
+/* Names of the status codes, and the blank evidence they come with. */
+#include "error.h"
+
+#include <string.h>
+
+int hm2_error_set(hm2_error *error, int status, const char *where)
+{
+	if (!error)
+		return status;
+	memset(error, 0, sizeof *error);
+	error->status = status;
+	error->index = -1;
+	for (size_t i = 0; i + 1 < sizeof error->where && where[i]; i++)
+		error->where[i] = where[i];
+	return status;
+}
 
 const char *hm2_status_name(int status)
 {

@@ -68,4 +68,52 @@ typedef struct hm2_bus {
 	void (*close)(void *self);
 } hm2_bus;
 
+/* ---- the board (board.c): checked words over any bus ------------------------------------- */
+
+#define HM2_ADDRESS_SPACE 0x10000u        /* bytes of the register file */
+#define HM2_BOARD_TIMEOUT_NS 200000000LL  /* of an exchange, unless set otherwise */
+
+struct hm2_board;
+
+typedef struct hm2_board_counters {
+	uint64_t exchanges; /* lists of transfers that came back whole */
+	uint64_t failures;  /* lists that did not */
+	uint64_t words_read;
+	uint64_t words_written;
+} hm2_board_counters;
+
+/* Takes over a copy of the bus and closes it in hm2_board_close. On failure the bus stays the caller's. */
+int hm2_board_open(const hm2_bus *bus, struct hm2_board **board, hm2_error *error);
+/* Idempotent; every later access fails with HM2_ERR_CLOSED. hm2_board_free closes too. */
+void hm2_board_close(struct hm2_board *board);
+void hm2_board_free(struct hm2_board *board);
+void hm2_board_set_timeout_ns(struct hm2_board *board, int64_t timeout_ns);
+void hm2_board_get_counters(const struct hm2_board *board, hm2_board_counters *counters);
+/* The bus's clock, and letting its time pass. 0 and nothing after close. */
+int64_t hm2_board_now_ns(struct hm2_board *board);
+void hm2_board_pause_ns(struct hm2_board *board, int64_t ns);
+
+/* count consecutive words. After a failure the words read are not to be used. */
+int hm2_read(struct hm2_board *board, uint32_t address, uint32_t *words, size_t count, hm2_error *error);
+int hm2_write(struct hm2_board *board, uint32_t address, const uint32_t *words, size_t count, hm2_error *error);
+/* A list of transfers in order, all checked before the first is carried out. */
+int hm2_exchange(struct hm2_board *board, const hm2_transfer *transfers, size_t count, hm2_error *error);
+/* The two halves of hm2_exchange, for several cards at once and for pipelining. A begin while another is
+ * outstanding fails with HM2_ERR_BUSY; after a failed finish nothing is outstanding. */
+int hm2_begin(struct hm2_board *board, const hm2_transfer *transfers, size_t count, hm2_error *error);
+int hm2_finish(struct hm2_board *board, int64_t deadline_ns, hm2_error *error);
+
+/* ---- a mapped file (memory_map.c): PCI BAR, plain file, shared memory -------------------- */
+
+enum hm2_memory_map_detail {
+	HM2_MEMORY_MAP_NOT_FOUND = 1,
+	HM2_MEMORY_MAP_PERMISSION, /* the file's mode or owner */
+	HM2_MEMORY_MAP_LOCKDOWN,   /* opened, but the kernel forbids the mapping */
+	HM2_MEMORY_MAP_TOO_SMALL,  /* expected, received: bytes */
+	HM2_MEMORY_MAP_OTHER       /* os_errno says */
+};
+
+/* Maps the first 64 KiB of path, shared. Only aligned 32-bit accesses, little endian, in order. */
+int hm2_memory_map_bus(const char *path, hm2_bus *bus, hm2_error *error);
+
 #endif

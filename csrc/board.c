@@ -1,0 +1,170 @@
+/* A board: words at addresses over any bus, every access checked before the bus sees it. */
+#include "error.h"
+
+#include <stdlib.h>
+
+struct hm2_board {
+	hm2_bus bus;
+	int open;
+	int outstanding; /* a begin without its finish */
+	int64_t timeout_ns;
+	uint64_t reads_begun; /* words of the outstanding list, counted when it has come back */
+	uint64_t writes_begun;
+	hm2_board_counters counters;
+};
+
+int hm2_board_open(const hm2_bus *bus, struct hm2_board **board, hm2_error *error)
+{
+	struct hm2_board *new_board = calloc(1, sizeof *new_board);
+	if (!new_board)
+		return hm2_error_set(error, HM2_ERR_NO_MEMORY, "board open");
+	new_board->bus = *bus;
+	new_board->open = 1;
+	new_board->timeout_ns = HM2_BOARD_TIMEOUT_NS;
+	*board = new_board;
+	return HM2_OK;
+}
+
+void hm2_board_close(struct hm2_board *board)
+{
+	if (!board || !board->open)
+		return;
+	board->open = 0;
+	board->outstanding = 0;
+	board->bus.close(board->bus.self);
+}
+
+void hm2_board_free(struct hm2_board *board)
+{
+	hm2_board_close(board);
+	free(board);
+}
+
+void hm2_board_set_timeout_ns(struct hm2_board *board, int64_t timeout_ns)
+{
+	board->timeout_ns = timeout_ns;
+}
+
+void hm2_board_get_counters(const struct hm2_board *board, hm2_board_counters *counters)
+{
+	*counters = board->counters;
+}
+
+int64_t hm2_board_now_ns(struct hm2_board *board)
+{
+	return board->open ? board->bus.now_ns(board->bus.self) : 0;
+}
+
+void hm2_board_pause_ns(struct hm2_board *board, int64_t ns)
+{
+	if (board->open)
+		board->bus.pause_ns(board->bus.self, ns);
+}
+
+static int out_of_range(hm2_error *error, uint32_t address, uint32_t expected, uint32_t received)
+{
+	const int status = hm2_error_set(error, HM2_ERR_RANGE, "board");
+	if (error) {
+		error->address = address;
+		error->expected = expected;
+		error->received = received;
+	}
+	return status;
+}
+
+static int check_words(uint32_t address, size_t count, int advances, hm2_error *error)
+{
+	if (address % 4) {
+		const int status = hm2_error_set(error, HM2_ERR_ALIGN, "board");
+		if (error)
+			error->address = address;
+		return status;
+	}
+	if (address >= HM2_ADDRESS_SPACE)
+		return out_of_range(error, address, HM2_ADDRESS_SPACE - 4, address);
+	const size_t room = advances ? (HM2_ADDRESS_SPACE - address) / 4 : UINT16_MAX;
+	if (count == 0 || count > room)
+		return out_of_range(error, address, (uint32_t)room, count > UINT32_MAX ? UINT32_MAX : (uint32_t)count);
+	return HM2_OK;
+}
+
+static int check_transfer(const hm2_transfer *transfer, hm2_error *error)
+{
+	if (transfer->flags & ~(HM2_TRANSFER_WRITE | HM2_TRANSFER_SAME_ADDRESS) || !transfer->words)
+		return out_of_range(error, transfer->address, HM2_TRANSFER_WRITE | HM2_TRANSFER_SAME_ADDRESS,
+		                    transfer->flags);
+	return check_words(transfer->address, transfer->count, !(transfer->flags & HM2_TRANSFER_SAME_ADDRESS), error);
+}
+
+int hm2_begin(struct hm2_board *board, const hm2_transfer *transfers, size_t count, hm2_error *error)
+{
+	uint64_t reads = 0, writes = 0;
+	if (!board->open)
+		return hm2_error_set(error, HM2_ERR_CLOSED, "board");
+	if (board->outstanding)
+		return hm2_error_set(error, HM2_ERR_BUSY, "board begin");
+	for (size_t i = 0; i < count; i++) {
+		const int status = check_transfer(&transfers[i], error);
+		if (status != HM2_OK) {
+			if (error)
+				error->index = (int32_t)i;
+			return status;
+		}
+		*(transfers[i].flags & HM2_TRANSFER_WRITE ? &writes : &reads) += transfers[i].count;
+	}
+	const int status = board->bus.begin(board->bus.self, transfers, count, error);
+	if (status != HM2_OK) {
+		board->counters.failures++;
+		return status;
+	}
+	board->outstanding = 1;
+	board->reads_begun = reads;
+	board->writes_begun = writes;
+	return HM2_OK;
+}
+
+int hm2_finish(struct hm2_board *board, int64_t deadline_ns, hm2_error *error)
+{
+	if (!board->open)
+		return hm2_error_set(error, HM2_ERR_CLOSED, "board");
+	if (!board->outstanding)
+		return hm2_error_set(error, HM2_ERR_BUSY, "board finish");
+	board->outstanding = 0;
+	const int status = board->bus.finish(board->bus.self, deadline_ns, error);
+	if (status != HM2_OK) {
+		board->counters.failures++;
+		return status;
+	}
+	board->counters.exchanges++;
+	board->counters.words_read += board->reads_begun;
+	board->counters.words_written += board->writes_begun;
+	return HM2_OK;
+}
+
+int hm2_exchange(struct hm2_board *board, const hm2_transfer *transfers, size_t count, hm2_error *error)
+{
+	const int status = hm2_begin(board, transfers, count, error);
+	if (status != HM2_OK)
+		return status;
+	return hm2_finish(board, board->bus.now_ns(board->bus.self) + board->timeout_ns, error);
+}
+
+int hm2_read(struct hm2_board *board, uint32_t address, uint32_t *words, size_t count, hm2_error *error)
+{
+	const int status = check_words(address, count, 1, error);
+	if (status != HM2_OK)
+		return board->open ? status : hm2_error_set(error, HM2_ERR_CLOSED, "board");
+	const hm2_transfer transfer = {address, (uint16_t)count, HM2_TRANSFER_READ, words};
+	return hm2_exchange(board, &transfer, 1, error);
+}
+
+int hm2_write(struct hm2_board *board, uint32_t address, const uint32_t *words, size_t count, hm2_error *error)
+{
+	const int status = check_words(address, count, 1, error);
+	if (status != HM2_OK)
+		return board->open ? status : hm2_error_set(error, HM2_ERR_CLOSED, "board");
+	/* a write transfer's words are only read by the bus */
+	union { const uint32_t *in; uint32_t *out; } source = {.in = words};
+	const hm2_transfer transfer = {address, (uint16_t)count, HM2_TRANSFER_WRITE, source.out};
+	return hm2_exchange(board, &transfer, 1, error);
+}
