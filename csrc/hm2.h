@@ -115,5 +115,36 @@ enum hm2_memory_map_detail {
 
 /* Maps the first 64 KiB of path, shared. Only aligned 32-bit accesses, little endian, in order. */
 int hm2_memory_map_bus(const char *path, hm2_bus *bus, hm2_error *error);
+/* ---- LBP16 codec (lbp16.c): pure functions on caller buffers, used by both sides ---------- */
+
+#define HM2_LBP16_PORT 27181
+#define HM2_LBP16_MAX_PAYLOAD 1472 /* bytes of one datagram, request or reply: never a fragment */
+#define HM2_LBP16_MAX_COUNT 127
+
+typedef struct hm2_lbp16_command {
+	uint16_t address;      /* in bytes; only with has_address */
+	uint8_t write;
+	uint8_t has_address;   /* 0: the space's pointer is used */
+	uint8_t info;          /* the space's information area instead of its memory */
+	uint8_t space;         /* 0..7 */
+	uint8_t element_size;  /* bytes: 1, 2, 4, 8 */
+	uint8_t increment;     /* the pointer advances by element_size after each element */
+	uint8_t count;         /* 1..127 elements */
+} hm2_lbp16_command;
+
+/* The 16-bit command word and back. A word with count 0 decodes to count 0. */
+uint16_t hm2_lbp16_encode(const hm2_lbp16_command *command);
+void hm2_lbp16_decode(uint16_t word, hm2_lbp16_command *command);
+/* Append a command (and, for a write, its count * element_size bytes of data) to a packet of
+ * *length bytes. HM2_ERR_RANGE and no change when it does not fit or a field is out of range. */
+int hm2_lbp16_put(uint8_t *packet, size_t capacity, size_t *length, const hm2_lbp16_command *command,
+                  const uint8_t *data);
+/* The command at *offset, which moves behind it. A write's data stays in the packet: *data, NULL
+ * for a read. HM2_ERR_FORMAT: count 0 or cut short in command or address; HM2_ERR_RANGE: the data
+ * of a write runs past the end. */
+int hm2_lbp16_next(const uint8_t *packet, size_t length, size_t *offset, hm2_lbp16_command *command,
+                   const uint8_t **data);
+/* Bytes of reply that a whole packet asks for (0: no datagram comes back). */
+int hm2_lbp16_reply_size(const uint8_t *packet, size_t length, size_t *reply_size);
 
 #endif
