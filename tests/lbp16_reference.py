@@ -46,10 +46,16 @@ def parse(packet: bytes) -> list[Command]:
                 raise ValueError("data past the end")
         commands.append(
             Command(
-                space=word >> 10 & 7, size=size, count=count, write=bool(word & 0x8000), info=bool(word & 0x2000),
-                increment=bool(word & 0x80), address=address, data=data,
+                space=word >> 10 & 7,
+                size=size,
+                count=count,
+                write=bool(word & 0x8000),
+                info=bool(word & 0x2000),
+                increment=bool(word & 0x80),
+                address=address,
+                data=data,
             )
-        )  # fmt: skip
+        )
     return commands
 
 
