@@ -147,4 +147,131 @@ int hm2_lbp16_next(const uint8_t *packet, size_t length, size_t *offset, hm2_lbp
 /* Bytes of reply that a whole packet asks for (0: no datagram comes back). */
 int hm2_lbp16_reply_size(const uint8_t *packet, size_t length, size_t *reply_size);
 
+/* ---- emulated remotes (emulator/remote*.c) ---------------------------------------------- */
+
+/* An LBP remote at the end of a serial line. A fresh one is a stand-in for tests: alive, no
+ * watchdog, no fault, any software mode, 64 KiB of RAM holding zeros, memory space 1 seen at RAM
+ * 0x0400. Times are picoseconds of the clock the bytes come with. */
+typedef struct hm2_remote hm2_remote;
+
+enum hm2_remote_model {
+	HM2_REMOTE_GENERIC = 0,
+	HM2_REMOTE_8I20 = 1, /* predates discovery; answers without a fault byte */
+	HM2_REMOTE_7I64 = 2
+};
+
+/* What of a remote is one number. hm2_remote_set refuses values outside the range. */
+enum hm2_remote_knob {
+	HM2_REMOTE_NAME,              /* four characters, the first in the low byte */
+	HM2_REMOTE_UNIT,              /* unit number */
+	HM2_REMOTE_MODEL,             /* enum hm2_remote_model */
+	HM2_REMOTE_RECEIVE_SIZE,      /* bytes of a process answer, fault byte included */
+	HM2_REMOTE_TRANSMIT_SIZE,     /* bytes the host sends after 0xBD */
+	HM2_REMOTE_PTOC,
+	HM2_REMOTE_GTOC,
+	HM2_REMOTE_SOFTWARE_MODE,     /* last one received */
+	HM2_REMOTE_HARDWARE_MODE,
+	HM2_REMOTE_REVISION,          /* software revision, local register 0xD5 */
+	HM2_REMOTE_CAPABILITY,        /* local register 0xD4 */
+	HM2_REMOTE_ALIVE,             /* 0: powered off or unplugged, neither hears nor speaks */
+	HM2_REMOTE_FAULT,             /* fault byte */
+	HM2_REMOTE_FAULT_CLEARS,      /* 0: clearing faults does not help */
+	HM2_REMOTE_FAULT_GATES,       /* 1: outputs are off and not taken while there is a fault */
+	HM2_REMOTE_FAULT_AT_RESET,    /* fault byte after power-up and reset */
+	HM2_REMOTE_CLEAR_BUSY_READS,  /* so many more reads of the clear-faults flag find it busy */
+	HM2_REMOTE_WATCHDOG_PS,       /* 0: off; not used with a watchdog address */
+	HM2_REMOTE_WATCHDOG_ADDRESS,  /* RAM word with the time in units; -1: none */
+	HM2_REMOTE_WATCHDOG_UNIT_PS,
+	HM2_REMOTE_UNIT_ADDRESS,      /* RAM long that is the unit number; -1: none */
+	HM2_REMOTE_TURNAROUND_PS,     /* middle of the last stop bit to the start of the answer */
+	HM2_REMOTE_BAUD,
+	HM2_REMOTE_TIMEOUT_BITS,      /* a longer gap ends a frame, local register 0xCB; 0: never */
+	HM2_REMOTE_CRC,               /* 0: no CRC byte either way, and no answer without data */
+	HM2_REMOTE_COOKIE,
+	HM2_REMOTE_BAD_COOKIES,       /* so many more cookies are 0x55 */
+	HM2_REMOTE_ANSWERS_UNIT,      /* 0: silent on the unit number RPC */
+	HM2_REMOTE_ANSWERS_DISCOVERY, /* 0: silent on the discovery RPC */
+	HM2_REMOTE_FAULT_WORD,        /* 8I20 stand-in: word at 0x0852 */
+	HM2_REMOTE_FAULT_WORD_ON_ENABLE, /* 8I20 stand-in: fault word after enabling; 0: unchanged */
+	HM2_REMOTE_PID_OFF_READS,     /* 8I20 stand-in: so many more reads of 0x08FE give 0 */
+	HM2_REMOTE_INJECT_BAD_CRC,    /* so many answers with an inverted CRC */
+	HM2_REMOTE_INJECT_TRUNCATE,   /* bytes missing at the end of the next answer */
+	HM2_REMOTE_INJECT_EXTRA,      /* surplus bytes after the next answer: E0, E1, .. */
+	HM2_REMOTE_INJECT_BREAK,      /* so many answers whose last stop bit is low */
+	HM2_REMOTE_INJECT_SKIP,       /* so many frames are obeyed but not answered */
+	HM2_REMOTE_STATUS,            /* LBP status, local register 0xC1 */
+	HM2_REMOTE_CRC_ERRORS,
+	HM2_REMOTE_SPACE,             /* memory space data commands mean, local register 0xCC */
+	HM2_REMOTE_LEDS,
+	HM2_REMOTE_KNOBS
+};
+
+/* What reached the remote's memory by an LBP data write. */
+typedef struct hm2_remote_write {
+	int64_t time_ps;
+	uint16_t address;
+	uint8_t space;
+	uint8_t size;
+	uint8_t data[8];
+} hm2_remote_write;
+
+#define HM2_REMOTE_WRITES_KEPT 4096
+#define HM2_REMOTE_DATA_MAX 255
+
+hm2_remote *hm2_remote_new(void);
+void hm2_remote_free(hm2_remote *remote);
+int hm2_remote_set(hm2_remote *remote, int knob, int64_t value);
+int64_t hm2_remote_get(const hm2_remote *remote, int knob);
+/* Power-up: EEPROM and flash stay, everything else starts afresh. */
+void hm2_remote_reset(hm2_remote *remote);
+/* Process data: what the remote sends (without the fault byte, but for 8I20 and 7I64) and what it
+ * was last sent. The getters return the whole length and copy at most `capacity` bytes. */
+int hm2_remote_set_inputs(hm2_remote *remote, const uint8_t *bytes, size_t length);
+size_t hm2_remote_inputs(hm2_remote *remote, uint8_t *bytes, size_t capacity);
+size_t hm2_remote_outputs(hm2_remote *remote, uint8_t *bytes, size_t capacity);
+/* Memory as the remote's own processor sees it: no limits, no log. space: as for 0xEC. */
+int hm2_remote_peek(hm2_remote *remote, int space, uint32_t address, uint8_t *bytes, size_t length);
+int hm2_remote_poke(hm2_remote *remote, int space, uint32_t address, const uint8_t *bytes, size_t length);
+/* As poke to RAM, and so again after every reset. */
+int hm2_remote_load(hm2_remote *remote, uint32_t address, const uint8_t *bytes, size_t length);
+/* The memory the line may read, first..last; without any call: all of it. */
+int hm2_remote_allow(hm2_remote *remote, int space, uint16_t first, uint16_t last, int writable);
+/* The last HM2_REMOTE_WRITES_KEPT writes, oldest first; returns how many were ever made. */
+uint64_t hm2_remote_writes(const hm2_remote *remote, hm2_remote_write *writes, size_t capacity, size_t *count);
+void hm2_remote_clear_writes(hm2_remote *remote);
+/* An EEPROM of its own as memory space 1 (at most HM2_REMOTE_EEPROM_MAX bytes). */
+int hm2_remote_add_eeprom(hm2_remote *remote, size_t size);
+/* At reset `size` bytes of EEPROM are copied to RAM: non-volatile to working parameter. */
+int hm2_remote_add_copy(hm2_remote *remote, uint16_t eeprom_address, uint16_t ram_address, uint16_t size);
+/* A software mode. With one or more of them every other mode is illegal (fault 0x40). */
+int hm2_remote_add_mode(hm2_remote *remote, uint8_t mode, uint8_t receive_size, uint8_t transmit_size,
+                        uint16_t ptoc, uint16_t gtoc);
+/* The next process data element of that mode, packed in the order of the calls and kept right-justified
+ * in RAM at `address`. direction as in the tables: 0x00 input, 0x40 both, 0x80 output. address 0: pad. */
+int hm2_remote_add_element(hm2_remote *remote, uint8_t mode, uint8_t bits, uint8_t direction, uint16_t address);
+
+#define HM2_REMOTE_EEPROM_MAX 4096
+
+/* One 8N1 byte on the line. */
+typedef struct hm2_line_byte {
+	int64_t start_ps;      /* falling edge of the start bit */
+	int64_t bit_ps;        /* duration of one bit */
+	uint8_t value;
+	uint8_t framing_error; /* stop bit low (break) */
+} hm2_line_byte;
+
+/* A byte whose stop bit has been sampled (middle of the stop bit = start + 9.5 bits) arrives. */
+void hm2_remote_line_receive(hm2_remote *remote, const hm2_line_byte *byte);
+/* The next byte the remote has decided to send, oldest first; 0 when there is none. It may lie
+ * in the future. Once peeked it will be sent: nothing but power-off takes it back. */
+int hm2_remote_line_peek(hm2_remote *remote, hm2_line_byte *byte);
+void hm2_remote_line_pop(hm2_remote *remote);
+/* Bring the remote's own timers (gap, watchdog, busy polls) up to now. */
+void hm2_remote_advance(hm2_remote *remote, int64_t now_ps);
+/* Zero wire time: hand over a whole frame with its CRC and get the whole answer with its CRC.
+ * Returns the answer's length, 0 for silence (and for an answer longer than capacity). Same rules as
+ * the byte path, no time passes; an answer with a low stop bit comes without its last byte. */
+size_t hm2_remote_exchange(hm2_remote *remote, const uint8_t *frame, size_t length, uint8_t *answer,
+                           size_t capacity);
+
 #endif

@@ -1,1 +1,5 @@
 """The emulated card: EmulatedBoard and EmulatedRemote, for people who write tests."""
+
+from hostmot2.emulator.remote import EmulatedRemote, RemoteWrite
+
+__all__ = ["EmulatedRemote", "RemoteWrite"]
