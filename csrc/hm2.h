@@ -274,4 +274,59 @@ void hm2_remote_advance(hm2_remote *remote, int64_t now_ps);
 size_t hm2_remote_exchange(hm2_remote *remote, const uint8_t *frame, size_t length, uint8_t *answer,
                            size_t capacity);
 
+/* ---- the emulated card (emulator/card.c) --------------------------------------------------- */
+
+/* What undecoded registers and wholly undriven reads give: recognisable, never a plausible value. */
+#define HM2_EMULATOR_UNDRIVEN 0xDEADBEEF
+
+#define HM2_CLOCK_VIRTUAL 0 /* stands still until advanced */
+#define HM2_CLOCK_REAL 1    /* brought up to CLOCK_MONOTONIC at each access */
+
+#define HM2_LEVEL_LOW 0
+#define HM2_LEVEL_HIGH 1
+#define HM2_LEVEL_FLOATING 2 /* nothing drives it: pulled up, reads 1 */
+#define HM2_LEVEL_CONTENTION 3 /* the card and the outside drive against each other: reads as outside */
+#define HM2_LEVEL_RELEASE (-1) /* for drive: let go */
+
+typedef struct hm2_emulator hm2_emulator;
+
+typedef struct hm2_emulator_options {
+	int32_t clock;            /* HM2_CLOCK_* */
+	int32_t wire_off;         /* 1: serial bytes take no time */
+	int32_t strict;           /* 1: undecoded addresses are errors */
+	int32_t sserial_channels; /* of each SSERIAL instance; 0: as many as the pins say */
+	uint32_t sserial_clock_hz; /* ClockMed, the SSERIAL processor's clock; 0: 100 MHz */
+	int32_t leds;
+	int32_t interrupt;        /* 1: has the interrupt registers (PCI cards) */
+} hm2_emulator_options;
+
+/* idrom: the words from the IDROM offset (0x400) on, at most 256. */
+int hm2_emulator_new(const uint32_t *idrom, size_t words, const hm2_emulator_options *options,
+                     hm2_emulator **out, hm2_error *error);
+void hm2_emulator_free(hm2_emulator *card);
+int hm2_emulator_read(hm2_emulator *card, uint32_t address, uint32_t *words, size_t count, hm2_error *error);
+int hm2_emulator_write(hm2_emulator *card, uint32_t address, const uint32_t *words, size_t count,
+                       hm2_error *error);
+/* The same card as a transport. The bus borrows the card: free the card after closing the bus. */
+int hm2_emulator_bus(hm2_emulator *card, hm2_bus *out);
+
+int64_t hm2_emulator_now_ps(const hm2_emulator *card);
+int64_t hm2_emulator_clocks(const hm2_emulator *card); /* rising edges of ClockLow so far */
+void hm2_emulator_advance_ps(hm2_emulator *card, int64_t ps);
+void hm2_emulator_advance_clocks(hm2_emulator *card, int64_t clocks);
+/* Bring every part up to now (real clock: up to this moment), as an access would for its own part. */
+void hm2_emulator_sync(hm2_emulator *card);
+
+/* Borrowed; NULL takes the remote off. through_pins: 0 wired to the SSERIAL instance itself,
+ * 1 heard only while the channel's pins are switched to their secondary function. */
+int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm2_remote *remote,
+                        int through_pins);
+int hm2_emulator_sserial_channels(const hm2_emulator *card, int instance); /* 0: no such instance */
+
+int hm2_emulator_pins(const hm2_emulator *card);
+int hm2_emulator_pin_drive(hm2_emulator *card, int pin, int level);
+int hm2_emulator_pin_level(hm2_emulator *card, int pin); /* HM2_LEVEL_*; HM2_ERR_RANGE */
+uint32_t hm2_emulator_leds(const hm2_emulator *card);    /* bit n: LED CRn+1 is lit */
+int hm2_emulator_interrupt(hm2_emulator *card);          /* 1: INT is asserted */
+
 #endif

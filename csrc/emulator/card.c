@@ -1,0 +1,234 @@
+/* The register file: which module answers at which address, and the pins as the outside sees them. */
+#include "card.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "card_modules.h"
+
+struct card_module *card_find(struct hm2_emulator *card, uint8_t gtag)
+{
+	for (int i = 0; i < card->module_count; i++)
+		if (card->modules[i].descriptor.gtag == gtag)
+			return &card->modules[i];
+	return NULL;
+}
+
+static int fail(hm2_error *error, int status, uint32_t address, const char *where)
+{
+	memset(error, 0, sizeof *error);
+	error->status = status;
+	error->address = address;
+	error->index = -1;
+	strncpy(error->where, where, sizeof error->where - 1);
+	return status;
+}
+
+static void read_descriptor(const struct hm2_emulator *card, const uint32_t *words, struct card_descriptor *out)
+{
+	out->gtag = (uint8_t)words[0];
+	out->version = (uint8_t)(words[0] >> 8);
+	out->clock_tag = (uint8_t)(words[0] >> 16);
+	out->instances = (uint8_t)(words[0] >> 24);
+	out->base = (uint16_t)words[1];
+	out->registers = (uint8_t)(words[1] >> 16);
+	out->instance_stride = card_idrom_field(card, (words[1] >> 28) ? 0x34 : 0x30);
+	out->multiple = words[2];
+}
+
+static void claim_pages(struct hm2_emulator *card, const struct card_module *module, int index)
+{
+	int registers = module->descriptor.registers + module->type->extra_registers;
+	for (int r = 0; r < registers; r++) {
+		uint32_t page = (module->descriptor.base >> 8) + (uint32_t)r;
+		if (page > 0xFF || card->pages[page].module)
+			continue;
+		card->pages[page].module = (uint8_t)(index + 1);
+		card->pages[page].reg = (uint8_t)r;
+	}
+}
+
+static int add_module(struct hm2_emulator *card, const uint32_t *words)
+{
+	struct card_descriptor descriptor;
+	read_descriptor(card, words, &descriptor);
+	const struct card_module_type *type = card_module_type(descriptor.gtag);
+	if (type == NULL || card->module_count == CARD_MAX_MODULES)
+		return HM2_OK;
+	struct card_module *module = &card->modules[card->module_count];
+	module->type = type;
+	module->descriptor = descriptor;
+	module->self = type->create(card, &descriptor);
+	if (module->self == NULL)
+		return HM2_ERR_NO_MEMORY;
+	claim_pages(card, module, card->module_count);
+	card->module_count++;
+	return HM2_OK;
+}
+
+static int add_modules(struct hm2_emulator *card, hm2_error *error)
+{
+	static const uint32_t interrupt[3] = {0x01010001, 0x00020A00, 0};
+	uint32_t offset = card_idrom_field(card, 0x04);
+	for (uint32_t at = offset / 4; at + 3 <= CARD_IDROM_WORDS; at += 3) {
+		if ((card->idrom[at] & 0xFF) == 0)
+			break;
+		int status = add_module(card, &card->idrom[at]);
+		if (status != HM2_OK)
+			return fail(error, status, 0x400 + 4 * at, "emulated module");
+	}
+	if (card->options.interrupt && card_find(card, GTAG_IRQ) == NULL && add_module(card, interrupt) != HM2_OK)
+		return fail(error, HM2_ERR_NO_MEMORY, interrupt[1] & 0xFFFF, "emulated module");
+	struct card_module *ioport = card_find(card, GTAG_IOPORT);
+	if (ioport == NULL)
+		return fail(error, HM2_ERR_FORMAT, 0x400 + offset, "no ioport module");
+	card->ioport = ioport->self;
+	return HM2_OK;
+}
+
+int hm2_emulator_new(const uint32_t *idrom, size_t words, const hm2_emulator_options *options,
+                     hm2_emulator **out, hm2_error *error)
+{
+	hm2_emulator *card = calloc(1, sizeof *card);
+	*out = NULL;
+	if (card == NULL)
+		return fail(error, HM2_ERR_NO_MEMORY, 0, "emulated card");
+	card->options = *options;
+	if (card->options.sserial_clock_hz == 0)
+		card->options.sserial_clock_hz = 100000000;
+	int status = card_identity_load(card, idrom, words, error);
+	if (status == HM2_OK)
+		status = add_modules(card, error);
+	if (status != HM2_OK) {
+		hm2_emulator_free(card);
+		return status;
+	}
+	card_pins_changed(card);
+	card_touch(card);
+	*out = card;
+	return HM2_OK;
+}
+
+void hm2_emulator_free(hm2_emulator *card)
+{
+	if (card == NULL)
+		return;
+	for (int i = 0; i < card->module_count; i++)
+		card->modules[i].type->destroy(card->modules[i].self);
+	free(card);
+}
+
+static uint32_t read_word(struct hm2_emulator *card, uint32_t address, uint32_t *value)
+{
+	struct card_page page = card->pages[address >> 8];
+	*value = 0;
+	if (page.module == 0)
+		return card_identity_read(card, address, value);
+	struct card_module *module = &card->modules[page.module - 1];
+	if (module->type->advance)
+		module->type->advance(module->self, card->clock);
+	return module->type->read(module->self, page.reg, address & 0xFC, value);
+}
+
+static int write_word(struct hm2_emulator *card, uint32_t address, uint32_t value)
+{
+	struct card_page page = card->pages[address >> 8];
+	if (page.module == 0)
+		return card_identity_write(card, address, value);
+	card_settle(card); /* what the write changes others may have seen until now */
+	struct card_module *module = &card->modules[page.module - 1];
+	return module->type->write(module->self, page.reg, address & 0xFC, value);
+}
+
+static int check_range(uint32_t address, size_t count, hm2_error *error)
+{
+	if (address % 4 != 0)
+		return fail(error, HM2_ERR_ALIGN, address, "emulated card");
+	if (address > 0xFFFC || count > (0x10000 - address) / 4)
+		return fail(error, HM2_ERR_RANGE, address, "emulated card");
+	return HM2_OK;
+}
+
+int hm2_emulator_read(hm2_emulator *card, uint32_t address, uint32_t *words, size_t count, hm2_error *error)
+{
+	int status = check_range(address, count, error);
+	if (status != HM2_OK)
+		return status;
+	card_touch(card);
+	for (size_t i = 0; i < count; i++) {
+		if (read_word(card, address + 4 * (uint32_t)i, &words[i]) != 0)
+			continue;
+		words[i] = HM2_EMULATOR_UNDRIVEN;
+		if (card->options.strict)
+			return fail(error, HM2_ERR_PROTOCOL, address + 4 * (uint32_t)i, "undecoded read");
+	}
+	return HM2_OK;
+}
+
+int hm2_emulator_write(hm2_emulator *card, uint32_t address, const uint32_t *words, size_t count,
+                       hm2_error *error)
+{
+	int status = check_range(address, count, error);
+	if (status != HM2_OK)
+		return status;
+	card_touch(card);
+	for (size_t i = 0; i < count; i++) {
+		if (!write_word(card, address + 4 * (uint32_t)i, words[i]) && card->options.strict)
+			return fail(error, HM2_ERR_PROTOCOL, address + 4 * (uint32_t)i, "undecoded write");
+	}
+	return HM2_OK;
+}
+
+int hm2_emulator_pins(const hm2_emulator *card)
+{
+	return card->pin_count;
+}
+
+int hm2_emulator_pin_drive(hm2_emulator *card, int pin, int level)
+{
+	if (pin < 0 || pin >= card->pin_count || level < HM2_LEVEL_RELEASE || level > HM2_LEVEL_HIGH)
+		return HM2_ERR_RANGE;
+	hm2_emulator_sync(card);
+	int port = pin / card->port_width;
+	uint32_t bit = UINT32_C(1) << (pin % card->port_width);
+	card->ioport->outside[port] &= ~bit;
+	card->ioport->outside_level[port] &= ~bit;
+	if (level != HM2_LEVEL_RELEASE)
+		card->ioport->outside[port] |= bit;
+	if (level == HM2_LEVEL_HIGH)
+		card->ioport->outside_level[port] |= bit;
+	card_pins_changed(card);
+	return HM2_OK;
+}
+
+int hm2_emulator_pin_level(hm2_emulator *card, int pin)
+{
+	if (pin < 0 || pin >= card->pin_count)
+		return HM2_ERR_RANGE;
+	hm2_emulator_sync(card);
+	return ioport_level(card->ioport, pin);
+}
+
+int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm2_remote *remote, int through_pins)
+{
+	struct card_module *module = card_find(card, GTAG_SSERIAL);
+	if (module == NULL)
+		return HM2_ERR_RANGE;
+	hm2_emulator_sync(card);
+	return sserial_attach(module, instance, channel, remote, through_pins);
+}
+
+int hm2_emulator_sserial_channels(const hm2_emulator *card, int instance)
+{
+	for (int i = 0; i < card->module_count; i++)
+		if (card->modules[i].descriptor.gtag == GTAG_SSERIAL)
+			return sserial_channels(&card->modules[i], instance);
+	return 0;
+}
+
+int hm2_emulator_interrupt(hm2_emulator *card)
+{
+	struct card_module *module = card_find(card, GTAG_IRQ);
+	hm2_emulator_sync(card);
+	return module != NULL && irq_asserted(module);
+}

@@ -1,0 +1,105 @@
+/* The emulated card: a register file with behaviour. Each module of the IDROM is one of these
+ * types; a new module is one file with its operations and one row in card_types.c. */
+#ifndef HM2_EMULATOR_CARD_H
+#define HM2_EMULATOR_CARD_H
+
+#include "hm2.h"
+
+#define CARD_NEVER INT64_MAX
+#define CARD_MAX_MODULES 40
+#define CARD_MAX_PINS 144
+#define CARD_MAX_PORTS 8
+#define CARD_IDROM_WORDS 256
+#define CARD_ALL_DRIVEN 0xFFFFFFFFu
+
+struct card_descriptor {
+	uint8_t gtag;
+	uint8_t version;
+	uint8_t clock_tag; /* 1 ClockLow, 2 ClockHigh */
+	uint8_t instances;
+	uint8_t registers;
+	uint16_t base;
+	uint32_t instance_stride;
+	uint32_t multiple; /* bit r: register r exists once per instance */
+};
+
+struct card_pin {
+	uint8_t tag;
+	uint8_t unit; /* bit 7: shared by all units */
+	uint8_t number;
+};
+
+/* Clocks are counted in rising edges of ClockLow. A module's state after advance(n) is its state
+ * just behind edge n; a write acts as taken by the edge last advanced to. */
+struct card_module_type {
+	uint8_t gtag;
+	void *(*create)(struct hm2_emulator *card, const struct card_descriptor *descriptor);
+	void (*destroy)(void *self);
+	/* Returns the bits that are driven; the others are left 0 in *value. offset: 0..0xFC */
+	uint32_t (*read)(void *self, int reg, uint32_t offset, uint32_t *value);
+	/* Returns 0 when nothing decodes it. */
+	int (*write)(void *self, int reg, uint32_t offset, uint32_t value);
+	/* The rest may be NULL. */
+	void (*advance)(void *self, int64_t clock);
+	int64_t (*next_event)(void *self); /* clock of the next thing other modules notice */
+	void (*fire)(void *self);          /* that clock has come, everybody is up to it */
+	int (*output)(void *self, int unit, int number); /* what it presents to the pin's driver */
+	void (*pins_changed)(void *self);  /* a pin's driver or an outside level changed */
+	int extra_registers; /* decoded behind those the descriptor counts */
+};
+
+struct card_module {
+	const struct card_module_type *type;
+	void *self;
+	struct card_descriptor descriptor;
+};
+
+struct card_page {
+	uint8_t module; /* 0: nobody, else index + 1 */
+	uint8_t reg;
+};
+
+struct ioport;
+
+struct hm2_emulator {
+	int64_t now_ps;
+	int64_t clock;
+	int64_t period_ps;
+	int64_t high_period_ps;
+	int64_t real_origin_ns;
+	struct hm2_emulator_options options;
+	uint32_t idrom[CARD_IDROM_WORDS];
+	int idrom_writable;
+	int port_width;
+	int ports;
+	int pin_count;
+	struct card_pin pins[CARD_MAX_PINS];
+	int module_count;
+	struct card_module modules[CARD_MAX_MODULES];
+	struct card_page pages[256];
+	struct ioport *ioport;
+	uint32_t led_latch;
+};
+
+/* card_types.c */
+const struct card_module_type *card_module_type(uint8_t gtag);
+
+/* card_time.c */
+int64_t card_edge_ps(const struct hm2_emulator *card, int64_t clock);
+int64_t card_clock_at(const struct hm2_emulator *card, int64_t ps);
+void card_advance_to(struct hm2_emulator *card, int64_t ps);
+void card_touch(struct hm2_emulator *card); /* an access: a real clock catches up */
+void card_sleep_ns(int64_t ns);
+void card_settle(struct hm2_emulator *card); /* every module up to card->clock */
+void card_pins_changed(struct hm2_emulator *card);
+
+/* card_identity.c: ID block, IDROM, LED; the pages that no descriptor names */
+int card_identity_load(struct hm2_emulator *card, const uint32_t *idrom, size_t words, hm2_error *error);
+uint32_t card_identity_read(struct hm2_emulator *card, uint32_t address, uint32_t *value);
+int card_identity_write(struct hm2_emulator *card, uint32_t address, uint32_t value);
+uint32_t card_idrom_field(const struct hm2_emulator *card, uint32_t offset);
+
+/* card.c */
+struct card_module *card_find(struct hm2_emulator *card, uint8_t gtag);
+
+#endif

@@ -1,0 +1,17 @@
+/* The table of modules the emulated card knows: one row each. */
+#include "card_modules.h"
+
+static const struct card_module_type *const types[] = {
+	&irq_type,
+	&watchdog_type,
+	&ioport_type,
+	&sserial_type,
+};
+
+const struct card_module_type *card_module_type(uint8_t gtag)
+{
+	for (size_t i = 0; i < sizeof types / sizeof *types; i++)
+		if (types[i]->gtag == gtag)
+			return types[i];
+	return NULL;
+}

@@ -1,0 +1,135 @@
+/* IOPort: output latches, direction, alternate source, open drain, invert, and the pads
+ * (fact sheet registers.md 2.1, card observed 2). */
+#include <stdlib.h>
+
+#include "card_modules.h"
+
+enum { DATA, DDR, ALTERNATE, OPEN_DRAIN, INVERT };
+
+static void *ioport_create(struct hm2_emulator *card, const struct card_descriptor *descriptor)
+{
+	(void)descriptor;
+	struct ioport *port = calloc(1, sizeof *port);
+	if (port == NULL)
+		return NULL;
+	port->card = card;
+	port->ports = card->ports;
+	port->mask = card->port_width == 32 ? UINT32_MAX : (UINT32_C(1) << card->port_width) - 1;
+	port->released = -1;
+	return port;
+}
+
+static void ioport_destroy(void *self)
+{
+	free(self);
+}
+
+static int module_output(struct ioport *port, int pin)
+{
+	const struct card_pin *p = &port->card->pins[pin];
+	if (!(p->number & 0x80))
+		return 0; /* an input's alternate source is constant 0 */
+	for (int i = 0; i < port->card->module_count; i++) {
+		struct card_module *module = &port->card->modules[i];
+		if (module->descriptor.gtag != p->tag || module->type->output == NULL)
+			continue;
+		if (module->type->advance)
+			module->type->advance(module->self, port->card->clock);
+		return module->type->output(module->self, p->unit, p->number);
+	}
+	return 0;
+}
+
+int ioport_driver(struct ioport *port, int pin)
+{
+	int p = pin / port->card->port_width;
+	int b = pin % port->card->port_width;
+	int open_drain = (port->open_drain[p] >> b) & 1;
+	if (!open_drain && !((port->ddr[p] >> b) & 1))
+		return HM2_LEVEL_FLOATING;
+	int data = (port->alternate[p] >> b) & 1 ? module_output(port, pin) : (int)(port->latch[p] >> b) & 1;
+	data ^= (int)(port->invert[p] >> b) & 1;
+	if (open_drain && data)
+		return HM2_LEVEL_FLOATING;
+	return data;
+}
+
+int ioport_level(struct ioport *port, int pin)
+{
+	int p = pin / port->card->port_width;
+	int b = pin % port->card->port_width;
+	int driver = ioport_driver(port, pin);
+	if (!((port->outside[p] >> b) & 1))
+		return driver;
+	int outside = (int)(port->outside_level[p] >> b) & 1;
+	return driver == HM2_LEVEL_FLOATING || driver == outside ? outside : HM2_LEVEL_CONTENTION;
+}
+
+static uint32_t read_pads(struct ioport *port, int p)
+{
+	uint32_t value = 0;
+	for (int b = 0; b < port->card->port_width; b++) {
+		int level = ioport_level(port, p * port->card->port_width + b);
+		uint32_t high = level == HM2_LEVEL_CONTENTION ? (port->outside_level[p] >> b) & 1 : level != 0;
+		value |= high << b;
+	}
+	return value;
+}
+
+int ioport_is_switched(const struct ioport *port, int pin, int output)
+{
+	int p = pin / port->card->port_width;
+	uint32_t bit = UINT32_C(1) << (pin % port->card->port_width);
+	int driven = ((port->ddr[p] | port->open_drain[p]) & bit) != 0;
+	if (!(port->alternate[p] & bit))
+		return 0;
+	return output ? driven && !(port->invert[p] & bit) : !driven;
+}
+
+void ioport_release(struct ioport *port)
+{
+	for (int p = 0; p < port->ports; p++)
+		port->ddr[p] = port->open_drain[p] = 0;
+	port->released = port->card->clock;
+	card_pins_changed(port->card);
+}
+
+/* Only address bits 4..2 are decoded: the ports repeat every 32 bytes. */
+static int port_index(const struct ioport *port, uint32_t offset)
+{
+	int p = (int)(offset >> 2) & 7;
+	return p < port->ports ? p : -1;
+}
+
+static uint32_t ioport_read(void *self, int reg, uint32_t offset, uint32_t *value)
+{
+	struct ioport *port = self;
+	int p = port_index(port, offset);
+	if (p < 0 || reg > DDR)
+		return 0;
+	*value = reg == DATA ? read_pads(port, p) : port->ddr[p];
+	return CARD_ALL_DRIVEN;
+}
+
+static int ioport_write(void *self, int reg, uint32_t offset, uint32_t value)
+{
+	struct ioport *port = self;
+	uint32_t *const registers[] = {port->latch, port->ddr, port->alternate, port->open_drain, port->invert};
+	int p = port_index(port, offset);
+	if (p < 0 || reg > INVERT)
+		return 0;
+	/* The clear of a bite wins over a write in the same clock. */
+	if ((reg == DDR || reg == OPEN_DRAIN) && port->released == port->card->clock)
+		return 1;
+	registers[reg][p] = value & port->mask;
+	card_pins_changed(port->card);
+	return 1;
+}
+
+const struct card_module_type ioport_type = {
+	.gtag = GTAG_IOPORT,
+	.create = ioport_create,
+	.destroy = ioport_destroy,
+	.read = ioport_read,
+	.write = ioport_write,
+};

@@ -1,0 +1,238 @@
+"""EmulatedBoard: a card with its FPGA, daughter cards and wires, answering like the real one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from types import TracebackType
+from typing import Any, Literal, Protocol
+
+from hostmot2._core import ffi, lib
+from hostmot2.emulator.cards import IDROM_WORDS, CardDescription, card
+from hostmot2.errors import check, new_error
+
+UNDRIVEN: int = lib.HM2_EMULATOR_UNDRIVEN
+"""What a read gives where nothing answers."""
+
+_LEVELS = {
+    lib.HM2_LEVEL_LOW: "0",
+    lib.HM2_LEVEL_HIGH: "1",
+    lib.HM2_LEVEL_FLOATING: "H",
+    lib.HM2_LEVEL_CONTENTION: "X",
+}
+
+
+class Remote(Protocol):
+    """What can be attached to an SSERIAL channel: it has a `hm2_remote` handle of the C core."""
+
+    @property
+    def handle(self) -> Any:
+        """The `hm2_remote *`, alive as long as this object."""
+
+
+class EmulatedPin:
+    """One pad of the card, seen and driven from outside."""
+
+    def __init__(self, board: EmulatedBoard, number: int) -> None:
+        self._board = board
+        self.number = number
+
+    def drive(self, level: int | None) -> None:
+        """Drive the pad with 0 or 1 from outside, or let go (None)."""
+        if level not in (0, 1, None):
+            raise ValueError(f"a pin is driven with 0, 1 or None, not {level!r}")
+        lib.hm2_emulator_pin_drive(
+            self._board.handle, self.number, lib.HM2_LEVEL_RELEASE if level is None else level
+        )
+
+    @property
+    def level(self) -> str:
+        """The pad: "0", "1", "H" (floating, pulled up) or "X" (card and outside drive against each other)."""
+        return _LEVELS[lib.hm2_emulator_pin_level(self._board.handle, self.number)]
+
+    def __repr__(self) -> str:
+        return f"<pin IO{self.number} {self.level}>"
+
+
+class EmulatedSserialPort:
+    """One SSERIAL instance: what hangs on its channels."""
+
+    def __init__(self, board: EmulatedBoard, instance: int) -> None:
+        self._board = board
+        self._instance = instance
+        self._remotes: dict[int, Remote] = {}
+        self.channels: int = lib.hm2_emulator_sserial_channels(board.handle, instance)
+        """The number of channels of the instance."""
+
+    def attach(self, channel: int, remote: Remote, *, through_pins: bool = False) -> None:
+        """Put `remote` on a channel, in place of what was there.
+
+        It is wired to the SSERIAL instance itself and answers at once. With `through_pins` it hangs on
+        the card's pins, as the remotes of a daughter card do: absent until the channel's pins are
+        switched to their secondary function (fact sheet sserial.md 1.3). Raises IndexError for a channel
+        the instance does not have.
+        """
+        self._set(channel, remote.handle, through_pins)
+        self._remotes[channel] = remote
+
+    def detach(self, channel: int) -> None:
+        """Take the remote off: the channel is an idle line."""
+        self._set(channel, ffi.NULL, False)
+        self._remotes.pop(channel, None)
+
+    def remote(self, channel: int) -> Remote | None:
+        """What hangs on a channel, brought up to now."""
+        lib.hm2_emulator_sync(self._board.handle)
+        return self._remotes.get(channel)
+
+    def _set(self, channel: int, handle: Any, through_pins: bool) -> None:
+        status = lib.hm2_emulator_attach(self._board.handle, self._instance, channel, handle, through_pins)
+        if status != lib.HM2_OK:
+            raise IndexError(
+                f"SSERIAL instance {self._instance} has channels 0..{self.channels - 1}, no {channel}"
+            )
+
+
+class EmulatedBoard:
+    """An emulated card.
+
+    `spec` is a name such as "5i25+7i77" (`hostmot2.emulator.cards.CARD_NAMES`), a `CardDescription`, or
+    the words of an IDROM from its offset on. `clock` is "virtual" (time stands still until advanced) or
+    "real". `wire="off"` lets serial bytes take no time. `sserial_channels` overrides the number of
+    channels of the SSERIAL instances, `processor_clock_hz` is their processor's clock. `firmware` is the
+    register generation, "a" or "b" (PCI cards have a, Ethernet cards b unless said). With `strict` an
+    access that nothing decodes raises ProtocolError; else it reads `UNDRIVEN`.
+
+    One thread at a time may use a board. Times are microseconds.
+    """
+
+    def __init__(
+        self,
+        spec: str | CardDescription | Sequence[int] = "5i25+7i77",
+        *,
+        clock: Literal["virtual", "real"] = "real",
+        wire: Literal["on", "off"] = "on",
+        sserial_channels: int | None = None,
+        processor_clock_hz: int = 100_000_000,
+        firmware: str | None = None,
+        strict: bool = False,
+        exact: bool = True,
+    ) -> None:
+        if clock not in ("virtual", "real") or wire not in ("on", "off"):
+            raise ValueError('clock is "virtual" or "real", wire is "on" or "off"')
+        if not exact:
+            raise ValueError("there is one engine, and it is exact")
+        if sserial_channels is not None and not 1 <= sserial_channels <= 8:
+            raise ValueError("an SSERIAL instance has 1 to 8 channels")
+        if isinstance(spec, str):
+            spec = card(spec, firmware)
+        self.description = spec if isinstance(spec, CardDescription) else None
+        """What the card is made of; None when it was made from raw IDROM words."""
+        words = spec.idrom() if isinstance(spec, CardDescription) else list(spec)
+        if len(words) > IDROM_WORDS:
+            raise ValueError(f"an IDROM has {IDROM_WORDS} words, not {len(words)}")
+        options: Any = ffi.new("hm2_emulator_options *")
+        options.clock = lib.HM2_CLOCK_REAL if clock == "real" else lib.HM2_CLOCK_VIRTUAL
+        options.wire_off = wire == "off"
+        options.strict = strict
+        options.sserial_channels = sserial_channels or 0
+        options.sserial_clock_hz = processor_clock_hz
+        options.leds = self.description.leds if self.description else 2
+        options.interrupt = self.description is None or self.description.bus == "pci"
+        self._error = new_error()
+        out: Any = ffi.new("hm2_emulator **")
+        check(
+            lib.hm2_emulator_new(ffi.new("uint32_t[]", words), len(words), options, out, self._error),
+            self._error,
+        )
+        self.handle = ffi.gc(out[0], lib.hm2_emulator_free)
+        """The `hm2_emulator *` of the C core."""
+        self._bus: Any = None
+        self.sserial: list[EmulatedSserialPort] = []
+        """The SSERIAL instances."""
+        while lib.hm2_emulator_sserial_channels(self.handle, len(self.sserial)):
+            self.sserial.append(EmulatedSserialPort(self, len(self.sserial)))
+
+    def read(self, address: int, count: int = 1) -> int | list[int]:
+        """One word, or a list of `count` words at consecutive addresses; takes no virtual time.
+
+        Raises ValueError for an address outside the register file or not a multiple of four, and, on a
+        strict board, ProtocolError for one that nothing decodes.
+        """
+        buffer: Any = ffi.new("uint32_t[]", count)
+        check(lib.hm2_emulator_read(self.handle, address, buffer, count, self._error), self._error)
+        return int(buffer[0]) if count == 1 else list(buffer)
+
+    def write(self, address: int, words: int | Sequence[int]) -> None:
+        """Write one word, or several at consecutive addresses; takes no virtual time. Raises like `read`."""
+        values = [words] if isinstance(words, int) else list(words)
+        buffer = ffi.new("uint32_t[]", values)
+        check(lib.hm2_emulator_write(self.handle, address, buffer, len(values), self._error), self._error)
+
+    def advance(self, us: float) -> None:
+        """Let virtual time pass, in microseconds. On a real clock time passes by itself."""
+        lib.hm2_emulator_advance_ps(self.handle, round(us * 1e6))
+
+    def advance_clocks(self, clocks: int) -> None:
+        """Let `clocks` periods of ClockLow pass."""
+        lib.hm2_emulator_advance_clocks(self.handle, clocks)
+
+    def sync(self) -> None:
+        """Bring every part of the card up to now; accesses do it for the part they reach."""
+        lib.hm2_emulator_sync(self.handle)
+
+    @property
+    def now_us(self) -> float:
+        """The card's time in microseconds."""
+        return float(lib.hm2_emulator_now_ps(self.handle)) / 1e6
+
+    @property
+    def clocks(self) -> int:
+        """Rising edges of ClockLow so far. The first lies half a period behind time 0."""
+        return int(lib.hm2_emulator_clocks(self.handle))
+
+    @property
+    def bus(self) -> Any:
+        """The `hm2_bus *` for a driver; alive as long as this board."""
+        if self._bus is None:
+            self._bus = ffi.new("hm2_bus *")
+            lib.hm2_emulator_bus(self.handle, self._bus)
+        return self._bus
+
+    def pin(self, number: int) -> EmulatedPin:
+        """The pad IO`number`. Raises IndexError when the card has no such pin."""
+        if not 0 <= number < lib.hm2_emulator_pins(self.handle):
+            raise IndexError(f"no pin IO{number}")
+        return EmulatedPin(self, number)
+
+    @property
+    def pins(self) -> Iterator[EmulatedPin]:
+        """All pads in order."""
+        return (EmulatedPin(self, n) for n in range(lib.hm2_emulator_pins(self.handle)))
+
+    @property
+    def leds(self) -> list[bool]:
+        """Whether CR01, CR02, ... are lit."""
+        lit = lib.hm2_emulator_leds(self.handle)
+        count = self.description.leds if self.description else 2
+        return [bool(lit >> n & 1) for n in range(count)]
+
+    @property
+    def interrupt(self) -> bool:
+        """Whether the card asserts its interrupt."""
+        return bool(lib.hm2_emulator_interrupt(self.handle))
+
+    def close(self) -> None:
+        """Take the card away; using it afterwards is an error of the caller."""
+        ffi.release(self.handle)
+
+    def __enter__(self) -> EmulatedBoard:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, value: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        name = self.description.name if self.description else "from IDROM words"
+        return f"<EmulatedBoard {name} at {self.now_us:.3f} us>"
