@@ -115,6 +115,72 @@ enum hm2_memory_map_detail {
 
 /* Maps the first 64 KiB of path, shared. Only aligned 32-bit accesses, little endian, in order. */
 int hm2_memory_map_bus(const char *path, hm2_bus *bus, hm2_error *error);
+/* ---- process data (process_data.c, process_unpack.c, process_pack.c) ----------------------- */
+
+/* The type and direction bytes of a process data descriptor (sserial.md 5.1). */
+enum hm2_field_kind {
+	HM2_FIELD_PAD = 0x00,
+	HM2_FIELD_BITS = 0x01,
+	HM2_FIELD_UNSIGNED = 0x02,
+	HM2_FIELD_SIGNED = 0x03,
+	HM2_FIELD_STREAM = 0x06,
+	HM2_FIELD_BOOLEAN = 0x07,
+	HM2_FIELD_ENCODER = 0x08,
+	HM2_FIELD_FLOAT = 0x10,
+	HM2_FIELD_ENCODER_H = 0x18,
+	HM2_FIELD_ENCODER_L = 0x28
+};
+
+enum hm2_field_direction { HM2_FIELD_INPUT = 0x00, HM2_FIELD_OUTPUT = 0x80 };
+
+typedef struct hm2_field {
+	int32_t channel;
+	int32_t kind;      /* enum hm2_field_kind */
+	int32_t direction; /* enum hm2_field_direction; a bidirectional element is two fields */
+	int32_t partner;   /* ENCODER_H and _L: index of the other part, -1: none, a counter by itself */
+	uint32_t bits;     /* 1..64; FLOAT 32 or 64 */
+	uint32_t offset;   /* of the least significant bit, from bit 0 of the channel's first word */
+	double scale;      /* user units at full scale; counters: counts per user unit */
+	double low, high;  /* user units; outputs are clamped to them before anything else */
+	uint64_t invert;   /* BITS: mask of bits written inverted; BOOLEAN: not zero inverts */
+} hm2_field;
+
+/* Register words of all channels: word w of channel c is words[c * channel_stride + w * word_stride].
+ * A direction nothing lies in has count 0. */
+typedef struct hm2_image {
+	uint32_t *words;
+	uint32_t count;             /* words in the buffer */
+	uint32_t channels;
+	uint32_t words_per_channel; /* 3 or 7 */
+	uint32_t channel_stride;
+	uint32_t word_stride;
+} hm2_image;
+
+struct hm2_process_data;
+
+/* Compile a plan. values and raw have one entry per field; they and the images belong to the caller and
+ * are used until free. What they hold:
+ *   UNSIGNED, SIGNED, FLOAT    values: user units       raw: the bits in the image
+ *   BOOLEAN                    values: 0.0 or 1.0       raw: the bits in the image
+ *   BITS, STREAM               values: unused           raw: the bits, also what is to be written
+ *   ENCODER and its parts      values: count / scale    raw: count, two's complement
+ * HM2_ERR_RANGE: index = the field that cannot be, expected = limit, received = value. */
+int hm2_process_data_new(const hm2_field *fields, size_t count, const hm2_image *inputs,
+                         const hm2_image *outputs, double *values, uint64_t *raw,
+                         struct hm2_process_data **process_data, hm2_error *error);
+void hm2_process_data_free(struct hm2_process_data *process_data);
+/* All inputs: image to values and raw. All outputs: values and raw to image. One call for a whole port;
+ * neither fails, allocates or looks at anything outside the caller's buffers. */
+void hm2_process_data_unpack(struct hm2_process_data *process_data);
+void hm2_process_data_pack(struct hm2_process_data *process_data);
+/* Change what the user may change. Takes effect at the next unpack or pack. */
+int hm2_process_data_configure(struct hm2_process_data *process_data, size_t index, double scale, double low,
+                               double high, uint64_t invert, hm2_error *error);
+/* Counters: the next count of this field is relative to where it stands now. */
+int hm2_process_data_zero(struct hm2_process_data *process_data, size_t index, hm2_error *error);
+/* Counters of a channel as at the beginning: the next reading counts from 0. For a remote started anew. */
+void hm2_process_data_restart(struct hm2_process_data *process_data, int channel);
+
 /* ---- LBP16 codec (lbp16.c): pure functions on caller buffers, used by both sides ---------- */
 
 #define HM2_LBP16_PORT 27181
