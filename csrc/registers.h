@@ -262,6 +262,70 @@
 #define HM2_MUXED_ENCODER_SELECT_PIN_SELECT_0                0x81u
 #define HM2_MUXED_ENCODER_SELECT_PIN_SELECT_1                0x82u
 
+#define HM2_STEPGEN_PIN_STEP                                 0x81u       /* step, or table 1 */
+#define HM2_STEPGEN_PIN_DIRECTION                            0x82u       /* direction, or table 2 */
+#define HM2_STEPGEN_PIN_TABLE_3                              0x83u
+#define HM2_STEPGEN_PIN_TABLE_4                              0x84u
+#define HM2_STEPGEN_PIN_TABLE_5                              0x85u
+#define HM2_STEPGEN_PIN_TABLE_6                              0x86u
+#define HM2_STEPGEN_PIN_TABLE_7                              0x87u
+#define HM2_STEPGEN_PIN_TABLE_8                              0x88u
+#define HM2_STEPGEN_PIN_INDEX                                0x09u       /* generation B */
+#define HM2_STEPGEN_PIN_PROBE                                0x0Au       /* generation B */
+#define HM2_STEPGEN_PIN_INDEX_A                              0x01u       /* generation A */
+#define HM2_STEPGEN_PIN_PROBE_A                              0x02u       /* generation A */
+
+#define HM2_STEPGEN_MODE_STEP_DIRECTION                      0x00u
+#define HM2_STEPGEN_MODE_UP_DOWN                             0x01u
+#define HM2_STEPGEN_MODE_QUADRATURE                          0x02u
+#define HM2_STEPGEN_MODE_TABLE                               0x03u
+
+#define HM2_PWMGEN_PIN_A                                     0x81u       /* PWM, or up */
+#define HM2_PWMGEN_PIN_B                                     0x82u       /* direction, or down */
+#define HM2_PWMGEN_PIN_NOT_ENABLE                            0x83u       /* low is enabled */
+
+#define HM2_PWMGEN_OUTPUT_PWM_DIRECTION                      0x00u
+#define HM2_PWMGEN_OUTPUT_DIRECTION_PWM                      0x01u
+#define HM2_PWMGEN_OUTPUT_UP_DOWN                            0x02u
+#define HM2_PWMGEN_OUTPUT_PDM_DIRECTION                      0x03u
+
+#define HM2_DPLL_PIN_SYNC                                    0x01u
+#define HM2_DPLL_PIN_REFERENCE                               0x82u
+#define HM2_DPLL_PIN_TIMER_1                                 0x83u
+#define HM2_DPLL_PIN_TIMER_2                                 0x84u
+#define HM2_DPLL_PIN_TIMER_3                                 0x85u
+#define HM2_DPLL_PIN_TIMER_4                                 0x86u
+
+#define HM2_LBP16_SPACE_HOSTMOT2                             0x00u
+#define HM2_LBP16_SPACE_ETHERNET_CHIP                        0x01u
+#define HM2_LBP16_SPACE_EEPROM                               0x02u
+#define HM2_LBP16_SPACE_FLASH                                0x03u
+#define HM2_LBP16_SPACE_TIMER                                0x04u
+#define HM2_LBP16_SPACE_UNUSED                               0x05u
+#define HM2_LBP16_SPACE_CONTROL                              0x06u
+#define HM2_LBP16_SPACE_BOARD                                0x07u
+
+#define HM2_LBP16_SIZE_BITS_8                                0x00u
+#define HM2_LBP16_SIZE_BITS_16                               0x01u
+#define HM2_LBP16_SIZE_BITS_32                               0x02u
+#define HM2_LBP16_SIZE_BITS_64                               0x03u
+
+#define HM2_LBP16_ERROR_PARSE                                0x01u
+#define HM2_LBP16_ERROR_MEMORY                               0x02u
+#define HM2_LBP16_ERROR_WRITE                                0x04u
+#define HM2_LBP16_ERROR_RX_FRAME                             0x08u
+#define HM2_LBP16_ERROR_TX_SIZE                              0x10u
+#define HM2_LBP16_ERROR_WAIT_TIMEOUT                         0x20u
+
+#define HM2_LBP16_KEY_EEPROM                                 0x5A02u     /* EEPROM from address 0x20 */
+#define HM2_LBP16_KEY_FLASH                                  0x5A03u
+#define HM2_LBP16_KEY_FACTORY                                0x3602u     /* all of the EEPROM; can make a card unusable */
+
+#define HM2_LBP16_MEMORY_TYPE_REGISTER                       0x01u
+#define HM2_LBP16_MEMORY_TYPE_MEMORY                         0x02u
+#define HM2_LBP16_MEMORY_TYPE_EEPROM                         0x0Eu
+#define HM2_LBP16_MEMORY_TYPE_FLASH                          0x0Fu
+
 /* id: Identification block. Repeats every 16 bytes from 0x100 to 0x1FF; the write enable answers in its whole page. (registers.md 1.1, 1.2; card_observed.md 1) */
 #define HM2_ID_COOKIE                                        0x100       /* r */
 #define HM2_ID_CONFIG_NAME_LOW                               0x104       /* r */
@@ -684,6 +748,200 @@
 #define HM2_MUXED_ENCODER_TIMER_SELECT_ENABLE_MASK           0x00008000u /* rw */
 #define HM2_MUXED_ENCODER_TIMER_SELECT_ENABLE_LSB            15
 
+/* stepgen: Step generator. Nothing moves until master_dds is written. (registers.md 2.7; card_observed.md 6) */
+#define HM2_STEPGEN_RATE                                     0           /* w, per instance */
+#define HM2_STEPGEN_ACCUMULATOR                              1           /* rw, per instance */
+#define HM2_STEPGEN_MODE                                     2           /* rw, per instance */
+#define HM2_STEPGEN_MODE_MODE_MASK                           0x00000003u /* rw */
+#define HM2_STEPGEN_MODE_MODE_LSB                            0
+#define HM2_STEPGEN_MODE_SWAP_MASK                           0x00000004u /* rw */
+#define HM2_STEPGEN_MODE_SWAP_LSB                            2
+#define HM2_STEPGEN_MODE_LATCH_ON_INDEX_MASK                 0x00000010u /* rw */
+#define HM2_STEPGEN_MODE_LATCH_ON_INDEX_LSB                  4
+#define HM2_STEPGEN_MODE_INDEX_POLARITY_MASK                 0x00000020u /* rw */
+#define HM2_STEPGEN_MODE_INDEX_POLARITY_LSB                  5
+#define HM2_STEPGEN_MODE_LATCH_ON_PROBE_MASK                 0x00000040u /* rw */
+#define HM2_STEPGEN_MODE_LATCH_ON_PROBE_LSB                  6
+#define HM2_STEPGEN_MODE_PROBE_POLARITY_MASK                 0x00000080u /* rw */
+#define HM2_STEPGEN_MODE_PROBE_POLARITY_LSB                  7
+#define HM2_STEPGEN_MODE_LATCH_MASK                          0xFFFFFF00u /* r */
+#define HM2_STEPGEN_MODE_LATCH_LSB                           8
+#define HM2_STEPGEN_DIRECTION_SETUP                          3           /* w, per instance */
+#define HM2_STEPGEN_DIRECTION_SETUP_PERIODS_MASK             0x00003FFFu /* w */
+#define HM2_STEPGEN_DIRECTION_SETUP_PERIODS_LSB              0
+#define HM2_STEPGEN_DIRECTION_HOLD                           4           /* w, per instance */
+#define HM2_STEPGEN_DIRECTION_HOLD_PERIODS_MASK              0x00003FFFu /* w */
+#define HM2_STEPGEN_DIRECTION_HOLD_PERIODS_LSB               0
+#define HM2_STEPGEN_PULSE_LENGTH                             5           /* w, per instance */
+#define HM2_STEPGEN_PULSE_LENGTH_PERIODS_MASK                0x00003FFFu /* w */
+#define HM2_STEPGEN_PULSE_LENGTH_PERIODS_LSB                 0
+#define HM2_STEPGEN_PULSE_IDLE                               6           /* w, per instance */
+#define HM2_STEPGEN_PULSE_IDLE_PERIODS_MASK                  0x00003FFFu /* w */
+#define HM2_STEPGEN_PULSE_IDLE_PERIODS_LSB                   0
+#define HM2_STEPGEN_TABLE_DATA                               7           /* w, per instance */
+#define HM2_STEPGEN_TABLE_LENGTH                             8           /* w, per instance */
+#define HM2_STEPGEN_TABLE_LENGTH_LENGTH_MASK                 0x0000000Fu /* w */
+#define HM2_STEPGEN_TABLE_LENGTH_LENGTH_LSB                  0
+#define HM2_STEPGEN_MASTER_DDS                               9           /* rw */
+#define HM2_STEPGEN_TIMER_SELECT                             10          /* rw */
+#define HM2_STEPGEN_TIMER_SELECT_TIMER_MASK                  0x00007000u /* rw */
+#define HM2_STEPGEN_TIMER_SELECT_TIMER_LSB                   12
+#define HM2_STEPGEN_TIMER_SELECT_ENABLE_MASK                 0x00008000u /* rw */
+#define HM2_STEPGEN_TIMER_SELECT_ENABLE_LSB                  15
+
+/* pwmgen: PWM and PDM generator, usually on ClockHigh. (registers.md 2.6; card_observed.md 7) */
+#define HM2_PWMGEN_VALUE                                     0           /* w, per instance */
+#define HM2_PWMGEN_VALUE_FRACTION_MASK                       0x0000F000u /* w */
+#define HM2_PWMGEN_VALUE_FRACTION_LSB                        12
+#define HM2_PWMGEN_VALUE_MAGNITUDE_MASK                      0x0FFF0000u /* w */
+#define HM2_PWMGEN_VALUE_MAGNITUDE_LSB                       16
+#define HM2_PWMGEN_VALUE_DIRECTION_MASK                      0x80000000u /* w */
+#define HM2_PWMGEN_VALUE_DIRECTION_LSB                       31
+#define HM2_PWMGEN_MODE                                      1           /* w, per instance */
+#define HM2_PWMGEN_MODE_WIDTH_SELECT_MASK                    0x00000003u /* w */
+#define HM2_PWMGEN_MODE_WIDTH_SELECT_LSB                     0
+#define HM2_PWMGEN_MODE_SYMMETRIC_MASK                       0x00000004u /* w */
+#define HM2_PWMGEN_MODE_SYMMETRIC_LSB                        2
+#define HM2_PWMGEN_MODE_OUTPUT_MASK                          0x00000018u /* w */
+#define HM2_PWMGEN_MODE_OUTPUT_LSB                           3
+#define HM2_PWMGEN_MODE_DOUBLE_BUFFER_MASK                   0x00000020u /* w */
+#define HM2_PWMGEN_MODE_DOUBLE_BUFFER_LSB                    5
+#define HM2_PWMGEN_MODE_DITHER_MASK                          0x00000040u /* w */
+#define HM2_PWMGEN_MODE_DITHER_LSB                           6
+#define HM2_PWMGEN_PWM_RATE                                  2           /* w */
+#define HM2_PWMGEN_PWM_RATE_RATE_MASK                        0x0000FFFFu /* w */
+#define HM2_PWMGEN_PWM_RATE_RATE_LSB                         0
+#define HM2_PWMGEN_PDM_RATE                                  3           /* w */
+#define HM2_PWMGEN_PDM_RATE_RATE_MASK                        0x0000FFFFu /* w */
+#define HM2_PWMGEN_PDM_RATE_RATE_LSB                         0
+#define HM2_PWMGEN_ENABLE                                    4           /* rw */
+
+/* dpll: HM2DPLL: timers in phase with the host's cycle. (registers.md 2.8; card_observed.md 8) */
+#define HM2_DPLL_BASE_RATE                                   0           /* rw */
+#define HM2_DPLL_PHASE                                       1           /* rw */
+#define HM2_DPLL_CONTROL0                                    2           /* rw */
+#define HM2_DPLL_CONTROL0_LIMIT_MASK                         0x00FFFFFFu /* w */
+#define HM2_DPLL_CONTROL0_LIMIT_LSB                          0
+#define HM2_DPLL_CONTROL0_CORRECTION_MASK                    0x00FFFFFFu /* r */
+#define HM2_DPLL_CONTROL0_CORRECTION_LSB                     0
+#define HM2_DPLL_CONTROL0_PRESCALE_MASK                      0xFF000000u /* rw */
+#define HM2_DPLL_CONTROL0_PRESCALE_LSB                       24
+#define HM2_DPLL_CONTROL1                                    3           /* rw */
+#define HM2_DPLL_CONTROL1_ACCUMULATOR_SIZE_MASK              0x000000FFu /* r */
+#define HM2_DPLL_CONTROL1_ACCUMULATOR_SIZE_LSB               0
+#define HM2_DPLL_CONTROL1_FILTER_PRESCALE_MASK               0xFFFF0000u /* rw */
+#define HM2_DPLL_CONTROL1_FILTER_PRESCALE_LSB                16
+#define HM2_DPLL_TIMER_12                                    4           /* rw */
+#define HM2_DPLL_TIMER_12_TIMER_1_MASK                       0x0000FFFFu /* rw */
+#define HM2_DPLL_TIMER_12_TIMER_1_LSB                        0
+#define HM2_DPLL_TIMER_12_TIMER_2_MASK                       0xFFFF0000u /* rw */
+#define HM2_DPLL_TIMER_12_TIMER_2_LSB                        16
+#define HM2_DPLL_TIMER_34                                    5           /* rw */
+#define HM2_DPLL_TIMER_34_TIMER_3_MASK                       0x0000FFFFu /* rw */
+#define HM2_DPLL_TIMER_34_TIMER_3_LSB                        0
+#define HM2_DPLL_TIMER_34_TIMER_4_MASK                       0xFFFF0000u /* rw */
+#define HM2_DPLL_TIMER_34_TIMER_4_LSB                        16
+#define HM2_DPLL_SYNC                                        6           /* rw */
+
+/* lbp16_command: Command word, 16 bits, low byte first. (lbp16.md 1) */
+#define HM2_LBP16_COMMAND_WORD                               0x00        /* w */
+#define HM2_LBP16_COMMAND_WORD_COUNT_MASK                    0x007Fu     /* w */
+#define HM2_LBP16_COMMAND_WORD_COUNT_LSB                     0
+#define HM2_LBP16_COMMAND_WORD_INCREMENT_MASK                0x0080u     /* w */
+#define HM2_LBP16_COMMAND_WORD_INCREMENT_LSB                 7
+#define HM2_LBP16_COMMAND_WORD_SIZE_MASK                     0x0300u     /* w */
+#define HM2_LBP16_COMMAND_WORD_SIZE_LSB                      8
+#define HM2_LBP16_COMMAND_WORD_SPACE_MASK                    0x1C00u     /* w */
+#define HM2_LBP16_COMMAND_WORD_SPACE_LSB                     10
+#define HM2_LBP16_COMMAND_WORD_INFO_MASK                     0x2000u     /* w */
+#define HM2_LBP16_COMMAND_WORD_INFO_LSB                      13
+#define HM2_LBP16_COMMAND_WORD_ADDRESS_MASK                  0x4000u     /* w */
+#define HM2_LBP16_COMMAND_WORD_ADDRESS_LSB                   14
+#define HM2_LBP16_COMMAND_WORD_WRITE_MASK                    0x8000u     /* w */
+#define HM2_LBP16_COMMAND_WORD_WRITE_LSB                     15
+
+/* lbp16_info: Info area of a space. (lbp16.md 4) */
+#define HM2_LBP16_INFO_SIZE                                  0x10        /* bytes */
+#define HM2_LBP16_INFO_COOKIE                                0x00        /* r */
+#define HM2_LBP16_INFO_COOKIE_SPACE_MASK                     0x00FFu     /* r */
+#define HM2_LBP16_INFO_COOKIE_SPACE_LSB                      0
+#define HM2_LBP16_INFO_COOKIE_COOKIE_MASK                    0xFF00u     /* r */
+#define HM2_LBP16_INFO_COOKIE_COOKIE_LSB                     8
+#define HM2_LBP16_INFO_SIZES                                 0x02        /* r */
+#define HM2_LBP16_INFO_SIZES_WIDTHS_MASK                     0x000Fu     /* r */
+#define HM2_LBP16_INFO_SIZES_WIDTHS_LSB                      0
+#define HM2_LBP16_INFO_SIZES_MEMORY_TYPE_MASK                0x7F00u     /* r */
+#define HM2_LBP16_INFO_SIZES_MEMORY_TYPE_LSB                 8
+#define HM2_LBP16_INFO_SIZES_WRITABLE_SPACE_MASK             0x8000u     /* r */
+#define HM2_LBP16_INFO_SIZES_WRITABLE_SPACE_LSB              15
+#define HM2_LBP16_INFO_RANGES                                0x04        /* r */
+#define HM2_LBP16_INFO_RANGES_RANGE_MASK                     0x003Fu     /* r */
+#define HM2_LBP16_INFO_RANGES_RANGE_LSB                      0
+#define HM2_LBP16_INFO_RANGES_PAGE_MASK                      0x07C0u     /* r */
+#define HM2_LBP16_INFO_RANGES_PAGE_LSB                       6
+#define HM2_LBP16_INFO_RANGES_ERASE_BLOCK_MASK               0xF800u     /* r */
+#define HM2_LBP16_INFO_RANGES_ERASE_BLOCK_LSB                11
+#define HM2_LBP16_INFO_POINTER                               0x06        /* r */
+#define HM2_LBP16_INFO_SPACE_NAME                            0x08        /* r */
+
+/* lbp16_eeprom: Space 2: EEPROM. Writes need a key and take effect at the next boot. (lbp16.md 5) */
+#define HM2_LBP16_EEPROM_SIZE                                0x80        /* bytes */
+#define HM2_LBP16_EEPROM_MAC                                 0x02        /* rw */
+#define HM2_LBP16_EEPROM_CARD_NAME                           0x10        /* rw */
+#define HM2_LBP16_EEPROM_IP_LOW                              0x20        /* rw */
+#define HM2_LBP16_EEPROM_IP_HIGH                             0x22        /* rw */
+#define HM2_LBP16_EEPROM_LED_MODE                            0x28        /* rw */
+
+/* lbp16_flash: Space 3: FPGA flash, 32-bit registers. (lbp16.md 5) */
+#define HM2_LBP16_FLASH_SIZE                                 0x10        /* bytes */
+#define HM2_LBP16_FLASH_ADDRESS                              0x00        /* rw */
+#define HM2_LBP16_FLASH_DATA                                 0x04        /* rw */
+#define HM2_LBP16_FLASH_ID                                   0x08        /* r */
+#define HM2_LBP16_FLASH_ERASE                                0x0C        /* w */
+
+/* lbp16_timer: Space 4: timers and scratch words. (lbp16.md 5) */
+#define HM2_LBP16_TIMER_SIZE                                 0x20        /* bytes */
+#define HM2_LBP16_TIMER_TIMESTAMP                            0x00        /* r */
+#define HM2_LBP16_TIMER_WAIT                                 0x02        /* rw */
+#define HM2_LBP16_TIMER_WAIT_LIMIT                           0x04        /* rw */
+#define HM2_LBP16_TIMER_WAIT_REFERENCE                       0x06        /* rw */
+#define HM2_LBP16_TIMER_WAIT_TIMER_1                         0x08        /* rw */
+#define HM2_LBP16_TIMER_WAIT_TIMER_2                         0x0A        /* rw */
+#define HM2_LBP16_TIMER_WAIT_TIMER_3                         0x0C        /* rw */
+#define HM2_LBP16_TIMER_WAIT_TIMER_4                         0x0E        /* rw */
+#define HM2_LBP16_TIMER_SCRATCH                              0x10        /* rw */
+
+/* lbp16_control: Space 6: control and status. (lbp16.md 5) */
+#define HM2_LBP16_CONTROL_SIZE                               0x20        /* bytes */
+#define HM2_LBP16_CONTROL_ERROR_FLAGS                        0x00        /* rw */
+#define HM2_LBP16_CONTROL_PARSE_ERRORS                       0x02        /* rw */
+#define HM2_LBP16_CONTROL_MEMORY_ERRORS                      0x04        /* rw */
+#define HM2_LBP16_CONTROL_WRITE_ERRORS                       0x06        /* rw */
+#define HM2_LBP16_CONTROL_RX_PACKETS                         0x08        /* rw */
+#define HM2_LBP16_CONTROL_RX_LBP_PACKETS                     0x0A        /* rw */
+#define HM2_LBP16_CONTROL_RX_BAD_PACKETS                     0x0C        /* rw */
+#define HM2_LBP16_CONTROL_TX_PACKETS                         0x0E        /* rw */
+#define HM2_LBP16_CONTROL_TX_LBP_PACKETS                     0x10        /* rw */
+#define HM2_LBP16_CONTROL_TX_BAD_PACKETS                     0x12        /* rw */
+#define HM2_LBP16_CONTROL_LED_MODE                           0x14        /* rw */
+#define HM2_LBP16_CONTROL_LED_POINTER                        0x16        /* rw */
+#define HM2_LBP16_CONTROL_PACKET_TIME                        0x18        /* rw */
+#define HM2_LBP16_CONTROL_WRITE_KEY                          0x1A        /* rw */
+#define HM2_LBP16_CONTROL_RESET                              0x1C        /* rw */
+#define HM2_LBP16_CONTROL_ICAP                               0x1E        /* rw */
+
+/* lbp16_board: Space 7: card information. (lbp16.md 5) */
+#define HM2_LBP16_BOARD_SIZE                                 0x20        /* bytes */
+#define HM2_LBP16_BOARD_CARD_NAME                            0x00        /* r */
+#define HM2_LBP16_BOARD_LBP16_VERSION                        0x10        /* r */
+#define HM2_LBP16_BOARD_FIRMWARE_VERSION                     0x12        /* r */
+#define HM2_LBP16_BOARD_JUMPERS                              0x14        /* r */
+#define HM2_LBP16_BOARD_CRC_ENABLED                          0x16        /* r */
+#define HM2_LBP16_BOARD_RX_START                             0x18        /* r */
+#define HM2_LBP16_BOARD_RX_END                               0x1A        /* r */
+#define HM2_LBP16_BOARD_TX_START                             0x1C        /* r */
+#define HM2_LBP16_BOARD_TX_END                               0x1E        /* r */
+
 /* Accepted module descriptors (registers.md 1.8): ROW(gtag, version, num_registers, instance_stride, MP). */
 #define HM2_ACCEPTED_MODULES(ROW) \
 	ROW(0xC1u, 0x00u, 6u, 0x40u, 0x3Cu) \
@@ -698,6 +956,14 @@
 	ROW(0x0Cu, 0x02u, 5u, 0x04u, 0x3u) \
 	ROW(0x0Cu, 0x03u, 5u, 0x04u, 0x3u) \
 	ROW(0x0Cu, 0x04u, 5u, 0x04u, 0x3u) \
-	ROW(0x0Cu, 0x84u, 5u, 0x04u, 0x3u)
+	ROW(0x0Cu, 0x84u, 5u, 0x04u, 0x3u) \
+	ROW(0x05u, 0x00u, 10u, 0x04u, 0x1FFu) \
+	ROW(0x05u, 0x01u, 10u, 0x04u, 0x1FFu) \
+	ROW(0x05u, 0x02u, 10u, 0x04u, 0x1FFu) \
+	ROW(0x05u, 0x42u, 10u, 0x04u, 0x1FFu) \
+	ROW(0x05u, 0xC2u, 10u, 0x04u, 0x1FFu) \
+	ROW(0x06u, 0x00u, 5u, 0x04u, 0x3u) \
+	ROW(0x06u, 0x01u, 5u, 0x04u, 0x3u) \
+	ROW(0x1Au, 0x00u, 7u, 0x04u, 0x0u)
 
 #endif

@@ -110,6 +110,7 @@ class RegisterMap:
 
     name: ClassVar[str]
     stride: ClassVar[int]
+    size: ClassVar[int] = 0
     descriptor: ClassVar[AcceptedDescriptor | None] = None
     registers: ClassVar[tuple[Register, ...]]
 

@@ -379,6 +379,110 @@ class MuxedEncoderSelectPin(IntEnum):
     SELECT_1 = 0x82
 
 
+class StepgenPin(IntEnum):
+    """Codes of stepgen pin."""
+
+    STEP = 0x81  # step, or table 1
+    DIRECTION = 0x82  # direction, or table 2
+    TABLE_3 = 0x83
+    TABLE_4 = 0x84
+    TABLE_5 = 0x85
+    TABLE_6 = 0x86
+    TABLE_7 = 0x87
+    TABLE_8 = 0x88
+    INDEX = 0x09  # generation B
+    PROBE = 0x0A  # generation B
+    INDEX_A = 0x01  # generation A
+    PROBE_A = 0x02  # generation A
+
+
+class StepgenMode(IntEnum):
+    """Codes of stepgen mode."""
+
+    STEP_DIRECTION = 0x00
+    UP_DOWN = 0x01
+    QUADRATURE = 0x02
+    TABLE = 0x03
+
+
+class PwmgenPin(IntEnum):
+    """Codes of pwmgen pin."""
+
+    A = 0x81  # PWM, or up
+    B = 0x82  # direction, or down
+    NOT_ENABLE = 0x83  # low is enabled
+
+
+class PwmgenOutput(IntEnum):
+    """Codes of pwmgen output."""
+
+    PWM_DIRECTION = 0x00
+    DIRECTION_PWM = 0x01
+    UP_DOWN = 0x02
+    PDM_DIRECTION = 0x03
+
+
+class DpllPin(IntEnum):
+    """Codes of dpll pin."""
+
+    SYNC = 0x01
+    REFERENCE = 0x82
+    TIMER_1 = 0x83
+    TIMER_2 = 0x84
+    TIMER_3 = 0x85
+    TIMER_4 = 0x86
+
+
+class Lbp16Space(IntEnum):
+    """Codes of lbp16 space."""
+
+    HOSTMOT2 = 0x00
+    ETHERNET_CHIP = 0x01
+    EEPROM = 0x02
+    FLASH = 0x03
+    TIMER = 0x04
+    UNUSED = 0x05
+    CONTROL = 0x06
+    BOARD = 0x07
+
+
+class Lbp16Size(IntEnum):
+    """Codes of lbp16 size."""
+
+    BITS_8 = 0x00
+    BITS_16 = 0x01
+    BITS_32 = 0x02
+    BITS_64 = 0x03
+
+
+class Lbp16Error(IntFlag):
+    """Codes of lbp16 error."""
+
+    PARSE = 0x01
+    MEMORY = 0x02
+    WRITE = 0x04
+    RX_FRAME = 0x08
+    TX_SIZE = 0x10
+    WAIT_TIMEOUT = 0x20
+
+
+class Lbp16Key(IntEnum):
+    """Codes of lbp16 key."""
+
+    EEPROM = 0x5A02  # EEPROM from address 0x20
+    FLASH = 0x5A03
+    FACTORY = 0x3602  # all of the EEPROM; can make a card unusable
+
+
+class Lbp16MemoryType(IntEnum):
+    """Codes of lbp16 memory type."""
+
+    REGISTER = 0x01
+    MEMORY = 0x02
+    EEPROM = 0x0E
+    FLASH = 0x0F
+
+
 class IdIdromOffsetRegister(Register):
     """Fields of id.idrom_offset."""
 
@@ -1907,6 +2011,818 @@ class MuxedEncoder(RegisterMap):
     )
 
 
+class StepgenModeRegister(Register):
+    """Fields of stepgen.mode."""
+
+    mode: ClassVar[BitField] = BitField("mode", 0, 2)
+    swap: ClassVar[BitField] = BitField(
+        "swap", 2, 1, description="swap step and direction, versions 0x42 and 0xC2"
+    )
+    latch_on_index: ClassVar[BitField] = BitField("latch_on_index", 4, 1, description="version 0xC2")
+    index_polarity: ClassVar[BitField] = BitField("index_polarity", 5, 1, description="version 0xC2")
+    latch_on_probe: ClassVar[BitField] = BitField("latch_on_probe", 6, 1, description="version 0xC2")
+    probe_polarity: ClassVar[BitField] = BitField("probe_polarity", 7, 1, description="version 0xC2")
+    latch: ClassVar[BitField] = BitField(
+        "latch",
+        8,
+        24,
+        writable=False,
+        unit="2^-8 steps",
+        description="latched position without its low 8 bits, version 0xC2",
+    )
+
+
+class StepgenDirectionSetupRegister(Register):
+    """Fields of stepgen.direction_setup."""
+
+    periods: ClassVar[BitField] = BitField("periods", 0, 14, readable=False)
+
+
+class StepgenDirectionHoldRegister(Register):
+    """Fields of stepgen.direction_hold."""
+
+    periods: ClassVar[BitField] = BitField("periods", 0, 14, readable=False)
+
+
+class StepgenPulseLengthRegister(Register):
+    """Fields of stepgen.pulse_length."""
+
+    periods: ClassVar[BitField] = BitField("periods", 0, 14, readable=False)
+
+
+class StepgenPulseIdleRegister(Register):
+    """Fields of stepgen.pulse_idle."""
+
+    periods: ClassVar[BitField] = BitField("periods", 0, 14, readable=False)
+
+
+class StepgenTableLengthRegister(Register):
+    """Fields of stepgen.table_length."""
+
+    length: ClassVar[BitField] = BitField("length", 0, 4, readable=False)
+
+
+class StepgenTimerSelectRegister(Register):
+    """Fields of stepgen.timer_select."""
+
+    timer: ClassVar[BitField] = BitField("timer", 12, 3, description="0: reference, 1..4")
+    enable: ClassVar[BitField] = BitField("enable", 15, 1)
+
+
+class Stepgen(RegisterMap):
+    """Step generator. Nothing moves until master_dds is written.
+
+    Source: registers.md 2.7; card_observed.md 6.
+    """
+
+    name: ClassVar[str] = "stepgen"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x05,
+        versions=(0, 1, 2, 66, 194),
+        faulty_versions=(0, 1),
+        fault_note="timing faults",
+        num_registers=10,
+        instance_stride=4,
+        multiple_registers=0x1FF,
+    )
+    rate: ClassVar[Register] = Register(
+        0,
+        "rate",
+        "w",
+        per_instance=True,
+        unit="2^-32 steps per ClockLow period",
+        description="signed; added to the accumulator's low end every clock",
+    )
+    accumulator: ClassVar[Register] = Register(
+        1,
+        "accumulator",
+        "rw",
+        per_instance=True,
+        unit="2^-16 steps",
+        write_effect="a step pulse when bit 15 changes against the last direction; the hidden 16 bits are kept",
+        description="signed 16.16 position, the top 32 of 48 bits",
+    )
+    mode: ClassVar[StepgenModeRegister] = StepgenModeRegister(
+        2,
+        "mode",
+        "rw",
+        per_instance=True,
+        description="output mode and latching; read back by version 0xC2 only",
+        fields=(
+            StepgenModeRegister.mode,
+            StepgenModeRegister.swap,
+            StepgenModeRegister.latch_on_index,
+            StepgenModeRegister.index_polarity,
+            StepgenModeRegister.latch_on_probe,
+            StepgenModeRegister.probe_polarity,
+            StepgenModeRegister.latch,
+        ),
+    )
+    direction_setup: ClassVar[StepgenDirectionSetupRegister] = StepgenDirectionSetupRegister(
+        3,
+        "direction_setup",
+        "w",
+        per_instance=True,
+        unit="ClockLow periods",
+        description="direction to step",
+        fields=(StepgenDirectionSetupRegister.periods,),
+    )
+    direction_hold: ClassVar[StepgenDirectionHoldRegister] = StepgenDirectionHoldRegister(
+        4,
+        "direction_hold",
+        "w",
+        per_instance=True,
+        unit="ClockLow periods",
+        description="step to direction",
+        fields=(StepgenDirectionHoldRegister.periods,),
+    )
+    pulse_length: ClassVar[StepgenPulseLengthRegister] = StepgenPulseLengthRegister(
+        5,
+        "pulse_length",
+        "w",
+        per_instance=True,
+        unit="ClockLow periods",
+        description="active for n + 1 periods; 0 never ends",
+        fields=(StepgenPulseLengthRegister.periods,),
+    )
+    pulse_idle: ClassVar[StepgenPulseIdleRegister] = StepgenPulseIdleRegister(
+        6,
+        "pulse_idle",
+        "w",
+        per_instance=True,
+        unit="ClockLow periods",
+        description="idle for at least n + 3 periods, 2 for n = 0",
+        fields=(StepgenPulseIdleRegister.periods,),
+    )
+    table_data: ClassVar[Register] = Register(
+        7,
+        "table_data",
+        "w",
+        per_instance=True,
+        write_effect="pushes a word",
+        description="output table, last word first",
+    )
+    table_length: ClassVar[StepgenTableLengthRegister] = StepgenTableLengthRegister(
+        8,
+        "table_length",
+        "w",
+        per_instance=True,
+        write_effect="resets the table pointer",
+        description="table length - 1",
+        fields=(StepgenTableLengthRegister.length,),
+    )
+    master_dds: ClassVar[Register] = Register(
+        9, "master_dds", "rw", description="prescaler, all ones: every clock; 0: stopped"
+    )
+    timer_select: ClassVar[StepgenTimerSelectRegister] = StepgenTimerSelectRegister(
+        10,
+        "timer_select",
+        "rw",
+        description="latch positions at a DPLL timer; optional, not counted in the descriptor",
+        fields=(
+            StepgenTimerSelectRegister.timer,
+            StepgenTimerSelectRegister.enable,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        rate,
+        accumulator,
+        mode,
+        direction_setup,
+        direction_hold,
+        pulse_length,
+        pulse_idle,
+        table_data,
+        table_length,
+        master_dds,
+        timer_select,
+    )
+
+
+class PwmgenValueRegister(Register):
+    """Fields of pwmgen.value."""
+
+    fraction: ClassVar[BitField] = BitField(
+        "fraction", 12, 4, readable=False, description="version 1 (dither)"
+    )
+    magnitude: ClassVar[BitField] = BitField(
+        "magnitude", 16, 12, readable=False, description="magnitude in the low `width` bits; 12 bits for PDM"
+    )
+    direction: ClassVar[BitField] = BitField(
+        "direction", 31, 1, readable=False, description="up/down: 0 drives B, 1 drives A"
+    )
+
+
+class PwmgenModeRegister(Register):
+    """Fields of pwmgen.mode."""
+
+    width_select: ClassVar[BitField] = BitField(
+        "width_select", 0, 2, readable=False, description="0: 9, 1: 10, 2: 11, 3: 12 bits"
+    )
+    symmetric: ClassVar[BitField] = BitField(
+        "symmetric", 2, 1, readable=False, description="triangular carrier, half the rate"
+    )
+    output: ClassVar[BitField] = BitField("output", 3, 2, readable=False)
+    double_buffer: ClassVar[BitField] = BitField(
+        "double_buffer", 5, 1, readable=False, description="value taken at the start of a PWM period"
+    )
+    dither: ClassVar[BitField] = BitField("dither", 6, 1, readable=False, description="version 1")
+
+
+class PwmgenPwmRateRegister(Register):
+    """Fields of pwmgen.pwm_rate."""
+
+    rate: ClassVar[BitField] = BitField("rate", 0, 16, readable=False)
+
+
+class PwmgenPdmRateRegister(Register):
+    """Fields of pwmgen.pdm_rate."""
+
+    rate: ClassVar[BitField] = BitField("rate", 0, 16, readable=False)
+
+
+class Pwmgen(RegisterMap):
+    """PWM and PDM generator, usually on ClockHigh.
+
+    Source: registers.md 2.6; card_observed.md 7.
+    """
+
+    name: ClassVar[str] = "pwmgen"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x06,
+        versions=(0, 1),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=5,
+        instance_stride=4,
+        multiple_registers=0x3,
+    )
+    value: ClassVar[PwmgenValueRegister] = PwmgenValueRegister(
+        0,
+        "value",
+        "w",
+        per_instance=True,
+        description="duty",
+        fields=(
+            PwmgenValueRegister.fraction,
+            PwmgenValueRegister.magnitude,
+            PwmgenValueRegister.direction,
+        ),
+    )
+    mode: ClassVar[PwmgenModeRegister] = PwmgenModeRegister(
+        1,
+        "mode",
+        "w",
+        per_instance=True,
+        fields=(
+            PwmgenModeRegister.width_select,
+            PwmgenModeRegister.symmetric,
+            PwmgenModeRegister.output,
+            PwmgenModeRegister.double_buffer,
+            PwmgenModeRegister.dither,
+        ),
+    )
+    pwm_rate: ClassVar[PwmgenPwmRateRegister] = PwmgenPwmRateRegister(
+        2,
+        "pwm_rate",
+        "w",
+        description="PWM clock = ClockHigh * rate / 65536",
+        fields=(PwmgenPwmRateRegister.rate,),
+    )
+    pdm_rate: ClassVar[PwmgenPdmRateRegister] = PwmgenPdmRateRegister(
+        3,
+        "pdm_rate",
+        "w",
+        description="PDM slots = ClockHigh * rate / 65536",
+        fields=(PwmgenPdmRateRegister.rate,),
+    )
+    enable: ClassVar[Register] = Register(
+        4,
+        "enable",
+        "rw",
+        description="bit n enables generator n; readable only where enable pins exist; does not gate the outputs",
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        value,
+        mode,
+        pwm_rate,
+        pdm_rate,
+        enable,
+    )
+
+
+class DpllControl0Register(Register):
+    """Fields of dpll.control0."""
+
+    limit: ClassVar[BitField] = BitField(
+        "limit", 0, 24, readable=False, description="limit of the phase error's top 24 bits"
+    )
+    correction: ClassVar[BitField] = BitField(
+        "correction", 0, 24, writable=False, description="signed correction"
+    )
+    prescale: ClassVar[BitField] = BitField("prescale", 24, 8, description="0 is 256")
+
+
+class DpllControl1Register(Register):
+    """Fields of dpll.control1."""
+
+    accumulator_size: ClassVar[BitField] = BitField(
+        "accumulator_size", 0, 8, writable=False, unit="bits", description="accumulator size, 42"
+    )
+    filter_prescale: ClassVar[BitField] = BitField(
+        "filter_prescale", 16, 16, description="filter time constant"
+    )
+
+
+class DpllTimer12Register(Register):
+    """Fields of dpll.timer_12."""
+
+    timer_1: ClassVar[BitField] = BitField("timer_1", 0, 16)
+    timer_2: ClassVar[BitField] = BitField("timer_2", 16, 16)
+
+
+class DpllTimer34Register(Register):
+    """Fields of dpll.timer_34."""
+
+    timer_3: ClassVar[BitField] = BitField("timer_3", 0, 16)
+    timer_4: ClassVar[BitField] = BitField("timer_4", 16, 16)
+
+
+class Dpll(RegisterMap):
+    """HM2DPLL: timers in phase with the host's cycle.
+
+    Source: registers.md 2.8; card_observed.md 8.
+    """
+
+    name: ClassVar[str] = "dpll"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x1A,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=7,
+        instance_stride=4,
+        multiple_registers=0x0,
+    )
+    base_rate: ClassVar[Register] = Register(
+        0, "base_rate", "rw", description="unsigned increment per prescaled clock"
+    )
+    phase: ClassVar[Register] = Register(
+        1, "phase", "rw", unit="2^-32 cycles", description="top 32 bits of the accumulator"
+    )
+    control0: ClassVar[DpllControl0Register] = DpllControl0Register(
+        2,
+        "control0",
+        "rw",
+        write_effect="zeroes phase error and filtered phase error",
+        fields=(
+            DpllControl0Register.limit,
+            DpllControl0Register.correction,
+            DpllControl0Register.prescale,
+        ),
+    )
+    control1: ClassVar[DpllControl1Register] = DpllControl1Register(
+        3,
+        "control1",
+        "rw",
+        fields=(
+            DpllControl1Register.accumulator_size,
+            DpllControl1Register.filter_prescale,
+        ),
+    )
+    timer_12: ClassVar[DpllTimer12Register] = DpllTimer12Register(
+        4,
+        "timer_12",
+        "rw",
+        unit="2^-16 cycles",
+        description="event of timer n when the accumulator's top 16 bits are -timer_n",
+        fields=(
+            DpllTimer12Register.timer_1,
+            DpllTimer12Register.timer_2,
+        ),
+    )
+    timer_34: ClassVar[DpllTimer34Register] = DpllTimer34Register(
+        5,
+        "timer_34",
+        "rw",
+        unit="2^-16 cycles",
+        fields=(
+            DpllTimer34Register.timer_3,
+            DpllTimer34Register.timer_4,
+        ),
+    )
+    sync: ClassVar[Register] = Register(
+        6,
+        "sync",
+        "rw",
+        unit="2^-32 cycles",
+        read_effect="a sync event: samples the phase error",
+        write_effect="a sync event",
+        description="signed phase error",
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        base_rate,
+        phase,
+        control0,
+        control1,
+        timer_12,
+        timer_34,
+        sync,
+    )
+
+
+class Lbp16CommandWordRegister(Register):
+    """Fields of lbp16_command.word."""
+
+    count: ClassVar[BitField] = BitField("count", 0, 7, readable=False, description="elements, 1..127")
+    increment: ClassVar[BitField] = BitField(
+        "increment", 7, 1, readable=False, description="the space's pointer advances by the element size"
+    )
+    size: ClassVar[BitField] = BitField("size", 8, 2, readable=False, description="element size")
+    space: ClassVar[BitField] = BitField("space", 10, 3, readable=False, description="memory space")
+    info: ClassVar[BitField] = BitField("info", 13, 1, readable=False, description="the space's info area")
+    address: ClassVar[BitField] = BitField("address", 14, 1, readable=False, description="an address follows")
+    write: ClassVar[BitField] = BitField("write", 15, 1, readable=False)
+
+
+class Lbp16Command(RegisterMap):
+    """Command word, 16 bits, low byte first.
+
+    Source: lbp16.md 1.
+    """
+
+    name: ClassVar[str] = "lbp16_command"
+    stride: ClassVar[int] = 1
+    word: ClassVar[Lbp16CommandWordRegister] = Lbp16CommandWordRegister(
+        0,
+        "word",
+        "w",
+        width=16,
+        fields=(
+            Lbp16CommandWordRegister.count,
+            Lbp16CommandWordRegister.increment,
+            Lbp16CommandWordRegister.size,
+            Lbp16CommandWordRegister.space,
+            Lbp16CommandWordRegister.info,
+            Lbp16CommandWordRegister.address,
+            Lbp16CommandWordRegister.write,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (word,)
+
+
+class Lbp16InfoCookieRegister(Register):
+    """Fields of lbp16_info.cookie."""
+
+    space: ClassVar[BitField] = BitField("space", 0, 8, writable=False, description="space")
+    cookie: ClassVar[BitField] = BitField("cookie", 8, 8, writable=False, description="0x5A")
+
+
+class Lbp16InfoSizesRegister(Register):
+    """Fields of lbp16_info.sizes."""
+
+    widths: ClassVar[BitField] = BitField(
+        "widths", 0, 4, writable=False, description="bit 0: 8, 1: 16, 2: 32, 3: 64 bit"
+    )
+    memory_type: ClassVar[BitField] = BitField("memory_type", 8, 7, writable=False)
+    writable_space: ClassVar[BitField] = BitField("writable_space", 15, 1, writable=False)
+
+
+class Lbp16InfoRangesRegister(Register):
+    """Fields of lbp16_info.ranges."""
+
+    range: ClassVar[BitField] = BitField("range", 0, 6, writable=False, unit="bytes", description="log2")
+    page: ClassVar[BitField] = BitField("page", 6, 5, writable=False, unit="bytes", description="log2")
+    erase_block: ClassVar[BitField] = BitField(
+        "erase_block", 11, 5, writable=False, unit="bytes", description="log2"
+    )
+
+
+class Lbp16Info(RegisterMap):
+    """Info area of a space.
+
+    Source: lbp16.md 4.
+    """
+
+    name: ClassVar[str] = "lbp16_info"
+    stride: ClassVar[int] = 1
+    size: ClassVar[int] = 0x10
+    cookie: ClassVar[Lbp16InfoCookieRegister] = Lbp16InfoCookieRegister(
+        0,
+        "cookie",
+        "r",
+        width=16,
+        fields=(
+            Lbp16InfoCookieRegister.space,
+            Lbp16InfoCookieRegister.cookie,
+        ),
+    )
+    sizes: ClassVar[Lbp16InfoSizesRegister] = Lbp16InfoSizesRegister(
+        2,
+        "sizes",
+        "r",
+        width=16,
+        fields=(
+            Lbp16InfoSizesRegister.widths,
+            Lbp16InfoSizesRegister.memory_type,
+            Lbp16InfoSizesRegister.writable_space,
+        ),
+    )
+    ranges: ClassVar[Lbp16InfoRangesRegister] = Lbp16InfoRangesRegister(
+        4,
+        "ranges",
+        "r",
+        width=16,
+        fields=(
+            Lbp16InfoRangesRegister.range,
+            Lbp16InfoRangesRegister.page,
+            Lbp16InfoRangesRegister.erase_block,
+        ),
+    )
+    pointer: ClassVar[Register] = Register(
+        6, "pointer", "r", width=16, description="current address pointer of the space"
+    )
+    space_name: ClassVar[Register] = Register(
+        8, "space_name", "r", width=16, description="name, 8 characters, NUL padded"
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        cookie,
+        sizes,
+        ranges,
+        pointer,
+        space_name,
+    )
+
+
+class Lbp16Eeprom(RegisterMap):
+    """Space 2: EEPROM. Writes need a key and take effect at the next boot.
+
+    Source: lbp16.md 5.
+    """
+
+    name: ClassVar[str] = "lbp16_eeprom"
+    stride: ClassVar[int] = 1
+    size: ClassVar[int] = 0x80
+    mac: ClassVar[Register] = Register(
+        2, "mac", "rw", width=16, description="MAC address, reversed: the last byte first"
+    )
+    card_name: ClassVar[Register] = Register(
+        16, "card_name", "rw", width=16, description="card name, 16 characters, NUL padded"
+    )
+    ip_low: ClassVar[Register] = Register(32, "ip_low", "rw", width=16, description="c * 256 + d of a.b.c.d")
+    ip_high: ClassVar[Register] = Register(
+        34, "ip_high", "rw", width=16, description="a * 256 + b of a.b.c.d"
+    )
+    led_mode: ClassVar[Register] = Register(
+        40, "led_mode", "rw", width=16, description="0: HostMot2, 1: debug"
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        mac,
+        card_name,
+        ip_low,
+        ip_high,
+        led_mode,
+    )
+
+
+class Lbp16Flash(RegisterMap):
+    """Space 3: FPGA flash, 32-bit registers.
+
+    Source: lbp16.md 5.
+    """
+
+    name: ClassVar[str] = "lbp16_flash"
+    stride: ClassVar[int] = 1
+    size: ClassVar[int] = 0x10
+    address: ClassVar[Register] = Register(
+        0,
+        "address",
+        "rw",
+        unit="bytes",
+        read_effect="finishes a pending page program",
+        write_effect="finishes a pending page program",
+        description="flash address",
+    )
+    data: ClassVar[Register] = Register(
+        4,
+        "data",
+        "rw",
+        read_effect="advances the flash address by 4",
+        write_effect="advances the flash address by 4; needs the flash key",
+        description="4 bytes in flash order",
+    )
+    id: ClassVar[Register] = Register(
+        8,
+        "id",
+        "r",
+        read_effect="finishes a pending page program",
+        description="signature; log2 of the size in bits - 4",
+    )
+    erase: ClassVar[Register] = Register(
+        12,
+        "erase",
+        "w",
+        write_effect="needs the flash key",
+        description="erases the 64 KiB sector of the flash address",
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        address,
+        data,
+        id,
+        erase,
+    )
+
+
+class Lbp16Timer(RegisterMap):
+    """Space 4: timers and scratch words.
+
+    Source: lbp16.md 5.
+    """
+
+    name: ClassVar[str] = "lbp16_timer"
+    stride: ClassVar[int] = 1
+    size: ClassVar[int] = 0x20
+    timestamp: ClassVar[Register] = Register(
+        0, "timestamp", "r", width=16, unit="us", description="free-running counter"
+    )
+    wait: ClassVar[Register] = Register(
+        2, "wait", "rw", width=16, unit="us", write_effect="stalls the parser that long"
+    )
+    wait_limit: ClassVar[Register] = Register(
+        4, "wait_limit", "rw", width=16, unit="us", description="limit of the waits below"
+    )
+    wait_reference: ClassVar[Register] = Register(
+        6,
+        "wait_reference",
+        "rw",
+        width=16,
+        unit="us",
+        read_effect="stalls until the next DPLL reference edge",
+        write_effect="the same",
+        description="time waited",
+    )
+    wait_timer_1: ClassVar[Register] = Register(
+        8,
+        "wait_timer_1",
+        "rw",
+        width=16,
+        unit="us",
+        read_effect="stalls until DPLL timer 1",
+        write_effect="the same",
+    )
+    wait_timer_2: ClassVar[Register] = Register(
+        10,
+        "wait_timer_2",
+        "rw",
+        width=16,
+        unit="us",
+        read_effect="stalls until DPLL timer 2",
+        write_effect="the same",
+    )
+    wait_timer_3: ClassVar[Register] = Register(
+        12,
+        "wait_timer_3",
+        "rw",
+        width=16,
+        unit="us",
+        read_effect="stalls until DPLL timer 3",
+        write_effect="the same",
+    )
+    wait_timer_4: ClassVar[Register] = Register(
+        14,
+        "wait_timer_4",
+        "rw",
+        width=16,
+        unit="us",
+        read_effect="stalls until DPLL timer 4",
+        write_effect="the same",
+    )
+    scratch: ClassVar[Register] = Register(
+        16,
+        "scratch",
+        "rw",
+        width=16,
+        description="eight words of plain RAM; hosts keep their sequence numbers here",
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        timestamp,
+        wait,
+        wait_limit,
+        wait_reference,
+        wait_timer_1,
+        wait_timer_2,
+        wait_timer_3,
+        wait_timer_4,
+        scratch,
+    )
+
+
+class Lbp16Control(RegisterMap):
+    """Space 6: control and status.
+
+    Source: lbp16.md 5.
+    """
+
+    name: ClassVar[str] = "lbp16_control"
+    stride: ClassVar[int] = 1
+    size: ClassVar[int] = 0x20
+    error_flags: ClassVar[Register] = Register(
+        0, "error_flags", "rw", width=16, description="sticky; write 0 to clear"
+    )
+    parse_errors: ClassVar[Register] = Register(2, "parse_errors", "rw", width=16, description="saturates")
+    memory_errors: ClassVar[Register] = Register(4, "memory_errors", "rw", width=16, description="saturates")
+    write_errors: ClassVar[Register] = Register(6, "write_errors", "rw", width=16, description="saturates")
+    rx_packets: ClassVar[Register] = Register(
+        8, "rx_packets", "rw", width=16, description="all frames received"
+    )
+    rx_lbp_packets: ClassVar[Register] = Register(
+        10, "rx_lbp_packets", "rw", width=16, description="LBP16 packets without error"
+    )
+    rx_bad_packets: ClassVar[Register] = Register(12, "rx_bad_packets", "rw", width=16)
+    tx_packets: ClassVar[Register] = Register(14, "tx_packets", "rw", width=16)
+    tx_lbp_packets: ClassVar[Register] = Register(16, "tx_lbp_packets", "rw", width=16)
+    tx_bad_packets: ClassVar[Register] = Register(18, "tx_bad_packets", "rw", width=16)
+    led_mode: ClassVar[Register] = Register(20, "led_mode", "rw", width=16, description="0: HostMot2")
+    led_pointer: ClassVar[Register] = Register(
+        22, "led_pointer", "rw", width=16, description="offset of the word the debug LEDs show"
+    )
+    packet_time: ClassVar[Register] = Register(24, "packet_time", "rw", width=16)
+    write_key: ClassVar[Register] = Register(
+        26, "write_key", "rw", width=16, description="cleared at the end of every packet"
+    )
+    reset: ClassVar[Register] = Register(
+        28, "reset", "rw", width=16, description="non-zero restarts the engine after this packet"
+    )
+    icap: ClassVar[Register] = Register(
+        30,
+        "icap",
+        "rw",
+        width=16,
+        write_effect="clocks a word into the configuration port",
+        description="FPGA configuration port; firmware 15 and later",
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        error_flags,
+        parse_errors,
+        memory_errors,
+        write_errors,
+        rx_packets,
+        rx_lbp_packets,
+        rx_bad_packets,
+        tx_packets,
+        tx_lbp_packets,
+        tx_bad_packets,
+        led_mode,
+        led_pointer,
+        packet_time,
+        write_key,
+        reset,
+        icap,
+    )
+
+
+class Lbp16Board(RegisterMap):
+    """Space 7: card information.
+
+    Source: lbp16.md 5.
+    """
+
+    name: ClassVar[str] = "lbp16_board"
+    stride: ClassVar[int] = 1
+    size: ClassVar[int] = 0x20
+    card_name: ClassVar[Register] = Register(
+        0, "card_name", "r", width=16, description="card name, 16 characters, NUL padded"
+    )
+    lbp16_version: ClassVar[Register] = Register(
+        16, "lbp16_version", "r", width=16, description="version of LBP16, 3"
+    )
+    firmware_version: ClassVar[Register] = Register(18, "firmware_version", "r", width=16)
+    jumpers: ClassVar[Register] = Register(
+        20, "jumpers", "r", width=16, description="IP jumpers at boot: 0 fixed, 1 EEPROM, 2 BOOTP"
+    )
+    crc_enabled: ClassVar[Register] = Register(
+        22, "crc_enabled", "r", width=16, description="serial firmware: CRC enabled"
+    )
+    rx_start: ClassVar[Register] = Register(24, "rx_start", "r", width=16, unit="us")
+    rx_end: ClassVar[Register] = Register(26, "rx_end", "r", width=16, unit="us")
+    tx_start: ClassVar[Register] = Register(28, "tx_start", "r", width=16, unit="us")
+    tx_end: ClassVar[Register] = Register(30, "tx_end", "r", width=16, unit="us")
+    registers: ClassVar[tuple[Register, ...]] = (
+        card_name,
+        lbp16_version,
+        firmware_version,
+        jumpers,
+        crc_enabled,
+        rx_start,
+        rx_end,
+        tx_start,
+        tx_end,
+    )
+
+
 MODULES: Mapping[int, type[RegisterMap]] = {
     0xC1: Sserial,
     0xC6: SserialB,
@@ -1915,5 +2831,8 @@ MODULES: Mapping[int, type[RegisterMap]] = {
     0x80: Led,
     0x04: Encoder,
     0x0C: MuxedEncoder,
+    0x05: Stepgen,
+    0x06: Pwmgen,
+    0x1A: Dpll,
 }
 """The register map of every GTAG we know."""

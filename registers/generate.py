@@ -21,6 +21,7 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 FILES = [  # in order of use: what a file needs comes before it
     "properties", "idrom", "sslbp", "lbp", "sserial", "ioport", "watchdog", "led", "encoder",
+    "stepgen", "pwmgen", "dpll", "lbp16",
 ]  # fmt: skip
 PYTHON_RESERVED = {"number", "name", "access", "width", "fields", "unit", "field", "decode", "readable", "writable",
                    "per_instance", "per_channel", "read_effect", "write_effect", "description"}  # fmt: skip
@@ -134,6 +135,8 @@ def c_map(module: AddrmapNode) -> Iterator[str]:
     """The defines of one module."""
     prefix = f"HM2_{module.inst_name.upper()}"
     yield f"/* {module.inst_name}: {text(module, 'desc')} ({text(module, 'source')}) */"
+    if module.get_property("size", default=None):
+        yield define(f"{prefix}_SIZE", f"0x{module.get_property('size'):02X}", "bytes")
     for register in module.registers():
         name = f"{prefix}_{register.inst_name.upper()}"
         value = number(register, module)
@@ -274,6 +277,8 @@ def python_map(module: AddrmapNode) -> Iterator[str]:
     yield ""
     yield f"    name: ClassVar[str] = {module.inst_name!r}"
     yield f"    stride: ClassVar[int] = {stride(module)}"
+    if module.get_property("size", default=None):
+        yield f"    size: ClassVar[int] = 0x{module.get_property('size'):02X}"
     if module.get_property("gtag", default=None) is not None:
         yield f"    descriptor: ClassVar[AcceptedDescriptor | None] = {python_descriptor(module)}"
     names = []
