@@ -326,6 +326,156 @@
 #define HM2_LBP16_MEMORY_TYPE_EEPROM                         0x0Eu
 #define HM2_LBP16_MEMORY_TYPE_FLASH                          0x0Fu
 
+#define HM2_TP_PWM_PIN_A_HIGH                                0x81u
+#define HM2_TP_PWM_PIN_B_HIGH                                0x82u
+#define HM2_TP_PWM_PIN_C_HIGH                                0x83u
+#define HM2_TP_PWM_PIN_A_LOW                                 0x84u
+#define HM2_TP_PWM_PIN_B_LOW                                 0x85u
+#define HM2_TP_PWM_PIN_C_LOW                                 0x86u
+#define HM2_TP_PWM_PIN_ENABLE                                0x87u
+#define HM2_TP_PWM_PIN_FAULT                                 0x08u
+
+#define HM2_RESOLVER_PIN_POWER_ENABLE                        0x81u
+#define HM2_RESOLVER_PIN_PDM_POSITIVE                        0x82u
+#define HM2_RESOLVER_PIN_PDM_NEGATIVE                        0x83u
+#define HM2_RESOLVER_PIN_MUX_0                               0x84u
+#define HM2_RESOLVER_PIN_MUX_1                               0x85u
+#define HM2_RESOLVER_PIN_MUX_2                               0x86u
+#define HM2_RESOLVER_PIN_SPI_SELECT                          0x87u
+#define HM2_RESOLVER_PIN_SPI_CLOCK                           0x88u
+#define HM2_RESOLVER_PIN_TEST                                0x89u
+#define HM2_RESOLVER_PIN_DATA_0                              0x09u
+#define HM2_RESOLVER_PIN_DATA_1                              0x0Au
+
+#define HM2_RESOLVER_EXCITATION_KHZ_2_5                      0x801u      /* ClockLow / 20000 */
+#define HM2_RESOLVER_EXCITATION_KHZ_5                        0x802u      /* ClockLow / 10000 */
+#define HM2_RESOLVER_EXCITATION_KHZ_10                       0x803u      /* ClockLow / 5000 */
+
+#define HM2_BSPI_PIN_NOT_FRAME                               0x81u
+#define HM2_BSPI_PIN_OUT                                     0x82u
+#define HM2_BSPI_PIN_CLOCK                                   0x83u
+#define HM2_BSPI_PIN_IN                                      0x04u
+#define HM2_BSPI_PIN_SELECT_0                                0x85u
+#define HM2_BSPI_PIN_SELECT_1                                0x86u
+#define HM2_BSPI_PIN_SELECT_2                                0x87u
+#define HM2_BSPI_PIN_SELECT_3                                0x88u
+#define HM2_BSPI_PIN_SELECT_4                                0x89u
+#define HM2_BSPI_PIN_SELECT_5                                0x8Au
+#define HM2_BSPI_PIN_SELECT_6                                0x8Bu
+#define HM2_BSPI_PIN_SELECT_7                                0x8Cu
+
+#define HM2_UART_TX_PIN_DATA                                 0x81u
+#define HM2_UART_TX_PIN_DRIVE_ENABLE                         0x82u
+
+#define HM2_UART_RX_PIN_DATA                                 0x01u
+
+#define HM2_PKTUART_TX_PIN_DATA                              0x81u
+#define HM2_PKTUART_TX_PIN_NOT_DRIVE_ENABLE                  0x82u
+#define HM2_PKTUART_TX_PIN_DRIVE_ENABLE                      0x83u
+
+#define HM2_PKTUART_RX_PIN_DATA                              0x01u
+
+#define HM2_PKTUART_COMMAND_CLEAR                            0x80010000u /* to the mode register: clears both FIFOs */
+
+#define HM2_SSI_PIN_CLOCK                                    0x81u
+#define HM2_SSI_PIN_CLOCK_ENABLE                             0x82u
+#define HM2_SSI_PIN_DATA                                     0x03u
+#define HM2_SSI_PIN_DATA_AVAILABLE                           0x84u
+
+#define HM2_BISS_PIN_CLOCK                                   0x81u
+#define HM2_BISS_PIN_CLOCK_ENABLE                            0x82u
+#define HM2_BISS_PIN_DATA                                    0x03u
+#define HM2_BISS_PIN_DATA_AVAILABLE                          0x84u
+#define HM2_BISS_PIN_TEST_DATA                               0x85u
+#define HM2_BISS_PIN_SAMPLE_TIME                             0x86u
+
+#define HM2_FANUC_PIN_REQUEST                                0x81u
+#define HM2_FANUC_PIN_REQUEST_ENABLE                         0x82u
+#define HM2_FANUC_PIN_DATA                                   0x03u
+#define HM2_FANUC_PIN_DATA_AVAILABLE                         0x84u
+#define HM2_FANUC_PIN_TEST_CLOCK                             0x85u
+
+#define HM2_SSR_PIN_OUT_0                                    0x81u       /* output n is 0x81 + n */
+#define HM2_SSR_PIN_AC_REFERENCE                             0xA0u       /* internal */
+
+#define HM2_OUTM_PIN_OUT_0                                   0x81u       /* output n is 0x81 + n */
+
+#define HM2_INM_PIN_IN_0                                     0x01u       /* input n is 0x01 + n; 2k and 2k + 1 are also A and B of counter k */
+
+#define HM2_INMUX_PIN_DATA                                   0x01u
+#define HM2_INMUX_PIN_ADDRESS_0                              0x81u
+#define HM2_INMUX_PIN_ADDRESS_1                              0x82u
+#define HM2_INMUX_PIN_ADDRESS_2                              0x83u
+#define HM2_INMUX_PIN_ADDRESS_3                              0x84u
+#define HM2_INMUX_PIN_ADDRESS_4                              0x85u
+
+#define HM2_ONESHOT_PIN_TRIGGER_1                            0x01u
+#define HM2_ONESHOT_PIN_TRIGGER_2                            0x02u
+#define HM2_ONESHOT_PIN_OUT_1                                0x03u
+#define HM2_ONESHOT_PIN_OUT_2                                0x04u
+
+#define HM2_PERIOD_PIN_IN                                    0x01u
+
+#define HM2_RCPWM_PIN_PWM                                    0x81u
+
+#define HM2_ONESHOT_TRIGGER_OFF                              0x00u
+#define HM2_ONESHOT_TRIGGER_SOFTWARE                         0x01u
+#define HM2_ONESHOT_TRIGGER_EXTERNAL                         0x02u
+#define HM2_ONESHOT_TRIGGER_DPLL                             0x03u
+#define HM2_ONESHOT_TRIGGER_RATE                             0x04u
+#define HM2_ONESHOT_TRIGGER_TIMER_1                          0x05u
+#define HM2_ONESHOT_TRIGGER_TIMER_2                          0x06u
+
+#define HM2_XY2MOD_PIN_DATA_X                                0x81u
+#define HM2_XY2MOD_PIN_DATA_Y                                0x82u
+#define HM2_XY2MOD_PIN_CLOCK                                 0x83u
+#define HM2_XY2MOD_PIN_SYNC                                  0x84u
+#define HM2_XY2MOD_PIN_STATUS                                0x05u
+
+#define HM2_XY2MOD_MODE_DISABLED                             0x3C9u
+
+#define HM2_IRQ_SOURCE_REFERENCE                             0x00u       /* DPLL reference output */
+#define HM2_IRQ_SOURCE_TIMER_1                               0x01u
+#define HM2_IRQ_SOURCE_TIMER_2                               0x02u
+#define HM2_IRQ_SOURCE_TIMER_3                               0x03u
+#define HM2_IRQ_SOURCE_TIMER_4                               0x04u
+
+#define HM2_TWIDDLER_PIN_IN_0                                0x01u       /* input n is 0x01 + n */
+#define HM2_TWIDDLER_PIN_OUT_0                               0x81u
+#define HM2_TWIDDLER_PIN_BIDIRECTIONAL_0                     0xC1u
+
+#define HM2_SPI_PIN_FRAME                                    0x81u
+#define HM2_SPI_PIN_OUT                                      0x82u
+#define HM2_SPI_PIN_CLOCK                                    0x83u
+#define HM2_SPI_PIN_IN                                       0x04u
+
+#define HM2_WAVEGEN_PIN_PDM_A                                0x81u
+#define HM2_WAVEGEN_PIN_PDM_B                                0x82u
+#define HM2_WAVEGEN_PIN_TRIGGER_0                            0x83u
+#define HM2_WAVEGEN_PIN_TRIGGER_1                            0x84u
+#define HM2_WAVEGEN_PIN_TRIGGER_2                            0x85u
+#define HM2_WAVEGEN_PIN_TRIGGER_3                            0x86u
+
+#define HM2_OLD_DPLL_PIN_SYNC                                0x01u
+#define HM2_OLD_DPLL_PIN_MSB                                 0x82u
+#define HM2_OLD_DPLL_PIN_FOUT                                0x83u
+#define HM2_OLD_DPLL_PIN_POST                                0x84u
+#define HM2_OLD_DPLL_PIN_SYNC_TOGGLE                         0x85u
+
+#define HM2_CPDRIVE_PIN_HIGH                                 0x81u
+#define HM2_CPDRIVE_PIN_LOW                                  0x82u
+
+#define HM2_DSAD_PIN_POSITIVE_0                              0x01u
+#define HM2_DSAD_PIN_NEGATIVE_0                              0x11u
+#define HM2_DSAD_PIN_FEEDBACK_0                              0x81u
+#define HM2_DSAD_PIN_PWM                                     0x90u
+
+#define HM2_DAQ_FIFO_PIN_STROBE                              0x41u
+#define HM2_DAQ_FIFO_PIN_FULL                                0x81u
+#define HM2_DAQ_FIFO_PIN_DATA_0                              0x01u
+
+#define HM2_BINOSC_PIN_BIT_0                                 0x81u
+
 /* id: Identification block. Repeats every 16 bytes from 0x100 to 0x1FF; the write enable answers in its whole page. (registers.md 1.1, 1.2; card_observed.md 1) */
 #define HM2_ID_COOKIE                                        0x100       /* r */
 #define HM2_ID_CONFIG_NAME_LOW                               0x104       /* r */
@@ -942,6 +1092,640 @@
 #define HM2_LBP16_BOARD_TX_START                             0x1C        /* r */
 #define HM2_LBP16_BOARD_TX_END                               0x1E        /* r */
 
+/* tp_pwm: Three-phase PWM on ClockHigh, double buffered and triangular. (registers.md 2.9) */
+#define HM2_TP_PWM_VALUE                                     0           /* w, per instance */
+#define HM2_TP_PWM_VALUE_A_MASK                              0x000003FFu /* w */
+#define HM2_TP_PWM_VALUE_A_LSB                               0
+#define HM2_TP_PWM_VALUE_B_MASK                              0x000FFC00u /* w */
+#define HM2_TP_PWM_VALUE_B_LSB                               10
+#define HM2_TP_PWM_VALUE_C_MASK                              0x3FF00000u /* w */
+#define HM2_TP_PWM_VALUE_C_LSB                               20
+#define HM2_TP_PWM_ENABLE                                    1           /* rw, per instance */
+#define HM2_TP_PWM_ENABLE_ENABLE_MASK                        0x00000001u /* rw */
+#define HM2_TP_PWM_ENABLE_ENABLE_LSB                         0
+#define HM2_TP_PWM_ENABLE_FAULT_MASK                         0x00000002u /* rw */
+#define HM2_TP_PWM_ENABLE_FAULT_LSB                          1
+#define HM2_TP_PWM_SETUP                                     2           /* w, per instance */
+#define HM2_TP_PWM_SETUP_DEAD_TIME_MASK                      0x000001FFu /* w */
+#define HM2_TP_PWM_SETUP_DEAD_TIME_LSB                       0
+#define HM2_TP_PWM_SETUP_FAULT_POLARITY_MASK                 0x00008000u /* w */
+#define HM2_TP_PWM_SETUP_FAULT_POLARITY_LSB                  15
+#define HM2_TP_PWM_SETUP_SAMPLE_TIME_MASK                    0x07FF0000u /* w */
+#define HM2_TP_PWM_SETUP_SAMPLE_TIME_LSB                     16
+#define HM2_TP_PWM_RATE                                      3           /* w */
+#define HM2_TP_PWM_RATE_RATE_MASK                            0x0000FFFFu /* w */
+#define HM2_TP_PWM_RATE_RATE_LSB                             0
+
+/* resolver: Six resolvers, four bytes apart, behind a signal processor. (registers.md 2.10) */
+#define HM2_RESOLVER_COMMAND                                 0           /* rw, per instance */
+#define HM2_RESOLVER_COMMAND_PARAMETER_MASK                  0x00000FFFu /* rw */
+#define HM2_RESOLVER_COMMAND_PARAMETER_LSB                   0
+#define HM2_RESOLVER_COMMAND_DOIT_MASK                       0x00002000u /* rw */
+#define HM2_RESOLVER_COMMAND_DOIT_LSB                        13
+#define HM2_RESOLVER_COMMAND_RESET_MASK                      0x00004000u /* rw */
+#define HM2_RESOLVER_COMMAND_RESET_LSB                       14
+#define HM2_RESOLVER_COMMAND_WRITE_MASK                      0x00008000u /* rw */
+#define HM2_RESOLVER_COMMAND_WRITE_LSB                       15
+#define HM2_RESOLVER_DATA                                    1           /* rw, per instance */
+#define HM2_RESOLVER_STATUS                                  2           /* r, per instance */
+#define HM2_RESOLVER_STATUS_FLAGS_MASK                       0x0000003Fu /* r */
+#define HM2_RESOLVER_STATUS_FLAGS_LSB                        0
+#define HM2_RESOLVER_VELOCITY                                3           /* r, per instance */
+#define HM2_RESOLVER_POSITION                                4           /* r, per instance */
+
+/* bspi: Buffered SPI, 16 words deep. (registers.md 2.11) */
+#define HM2_BSPI_DATA                                        0           /* rw, per instance */
+#define HM2_BSPI_DESCRIPTOR_FIFO                             1           /* w, per instance */
+#define HM2_BSPI_DESCRIPTOR_FIFO_BITS_MASK                   0x0000003Fu /* w */
+#define HM2_BSPI_DESCRIPTOR_FIFO_BITS_LSB                    0
+#define HM2_BSPI_DESCRIPTOR_FIFO_CPOL_MASK                   0x00000040u /* w */
+#define HM2_BSPI_DESCRIPTOR_FIFO_CPOL_LSB                    6
+#define HM2_BSPI_DESCRIPTOR_FIFO_CPHA_MASK                   0x00000080u /* w */
+#define HM2_BSPI_DESCRIPTOR_FIFO_CPHA_LSB                    7
+#define HM2_BSPI_DESCRIPTOR_FIFO_DIVIDER_MASK                0x0000FF00u /* w */
+#define HM2_BSPI_DESCRIPTOR_FIFO_DIVIDER_LSB                 8
+#define HM2_BSPI_DESCRIPTOR_FIFO_CHIP_SELECT_MASK            0x000F0000u /* w */
+#define HM2_BSPI_DESCRIPTOR_FIFO_CHIP_SELECT_LSB             16
+#define HM2_BSPI_DESCRIPTOR_FIFO_SELECT_DELAY_MASK           0x1F000000u /* w */
+#define HM2_BSPI_DESCRIPTOR_FIFO_SELECT_DELAY_LSB            24
+#define HM2_BSPI_DESCRIPTOR_FIFO_SAMPLE_LATE_MASK            0x20000000u /* w */
+#define HM2_BSPI_DESCRIPTOR_FIFO_SAMPLE_LATE_LSB             29
+#define HM2_BSPI_DESCRIPTOR_FIFO_KEEP_FRAME_MASK             0x40000000u /* w */
+#define HM2_BSPI_DESCRIPTOR_FIFO_KEEP_FRAME_LSB              30
+#define HM2_BSPI_DESCRIPTOR_FIFO_NO_ECHO_MASK                0x80000000u /* w */
+#define HM2_BSPI_DESCRIPTOR_FIFO_NO_ECHO_LSB                 31
+#define HM2_BSPI_COUNT                                       2           /* rw, per instance */
+#define HM2_BSPI_COUNT_RECEIVE_MASK                          0x0000001Fu /* r */
+#define HM2_BSPI_COUNT_RECEIVE_LSB                           0
+#define HM2_BSPI_COUNT_CLEAR_MASK                            0xFFFFFFFFu /* w */
+#define HM2_BSPI_COUNT_CLEAR_LSB                             0
+#define HM2_BSPI_COUNT_TRANSMIT_MASK                         0x00001F00u /* r */
+#define HM2_BSPI_COUNT_TRANSMIT_LSB                          8
+
+/* dbspi: Buffered SPI with decoded chip selects and no frame pin. (registers.md 2.11) */
+#define HM2_DBSPI_DATA                                       0           /* rw, per instance */
+#define HM2_DBSPI_DESCRIPTOR_FIFO                            1           /* w, per instance */
+#define HM2_DBSPI_DESCRIPTOR_FIFO_BITS_MASK                  0x0000003Fu /* w */
+#define HM2_DBSPI_DESCRIPTOR_FIFO_BITS_LSB                   0
+#define HM2_DBSPI_DESCRIPTOR_FIFO_CPOL_MASK                  0x00000040u /* w */
+#define HM2_DBSPI_DESCRIPTOR_FIFO_CPOL_LSB                   6
+#define HM2_DBSPI_DESCRIPTOR_FIFO_CPHA_MASK                  0x00000080u /* w */
+#define HM2_DBSPI_DESCRIPTOR_FIFO_CPHA_LSB                   7
+#define HM2_DBSPI_DESCRIPTOR_FIFO_DIVIDER_MASK               0x0000FF00u /* w */
+#define HM2_DBSPI_DESCRIPTOR_FIFO_DIVIDER_LSB                8
+#define HM2_DBSPI_DESCRIPTOR_FIFO_CHIP_SELECT_MASK           0x000F0000u /* w */
+#define HM2_DBSPI_DESCRIPTOR_FIFO_CHIP_SELECT_LSB            16
+#define HM2_DBSPI_DESCRIPTOR_FIFO_SELECT_DELAY_MASK          0x1F000000u /* w */
+#define HM2_DBSPI_DESCRIPTOR_FIFO_SELECT_DELAY_LSB           24
+#define HM2_DBSPI_DESCRIPTOR_FIFO_SAMPLE_LATE_MASK           0x20000000u /* w */
+#define HM2_DBSPI_DESCRIPTOR_FIFO_SAMPLE_LATE_LSB            29
+#define HM2_DBSPI_DESCRIPTOR_FIFO_KEEP_FRAME_MASK            0x40000000u /* w */
+#define HM2_DBSPI_DESCRIPTOR_FIFO_KEEP_FRAME_LSB             30
+#define HM2_DBSPI_DESCRIPTOR_FIFO_NO_ECHO_MASK               0x80000000u /* w */
+#define HM2_DBSPI_DESCRIPTOR_FIFO_NO_ECHO_LSB                31
+#define HM2_DBSPI_COUNT                                      2           /* rw, per instance */
+#define HM2_DBSPI_COUNT_RECEIVE_MASK                         0x0000001Fu /* r */
+#define HM2_DBSPI_COUNT_RECEIVE_LSB                          0
+#define HM2_DBSPI_COUNT_CLEAR_MASK                           0xFFFFFFFFu /* w */
+#define HM2_DBSPI_COUNT_CLEAR_LSB                            0
+#define HM2_DBSPI_COUNT_TRANSMIT_MASK                        0x00001F00u /* r */
+#define HM2_DBSPI_COUNT_TRANSMIT_LSB                         8
+
+/* uart_tx: UART transmitter, 16 entries. (registers.md 2.12) */
+#define HM2_UART_TX_DATA                                     0           /* w, per instance */
+#define HM2_UART_TX_COUNT                                    1           /* rw, per instance */
+#define HM2_UART_TX_COUNT_COUNT_MASK                         0x0000001Fu /* r */
+#define HM2_UART_TX_COUNT_COUNT_LSB                          0
+#define HM2_UART_TX_COUNT_CLEAR_MASK                         0xFFFFFFFFu /* w */
+#define HM2_UART_TX_COUNT_CLEAR_LSB                          0
+#define HM2_UART_TX_BIT_RATE                                 2           /* rw, per instance */
+#define HM2_UART_TX_BIT_RATE_RATE_MASK                       0x000FFFFFu /* rw */
+#define HM2_UART_TX_BIT_RATE_RATE_LSB                        0
+#define HM2_UART_TX_MODE                                     3           /* rw, per instance */
+#define HM2_UART_TX_MODE_DRIVE_DELAY_MASK                    0x0000000Fu /* rw */
+#define HM2_UART_TX_MODE_DRIVE_DELAY_LSB                     0
+#define HM2_UART_TX_MODE_FIFO_ERROR_MASK                     0x00000010u /* rw */
+#define HM2_UART_TX_MODE_FIFO_ERROR_LSB                      4
+#define HM2_UART_TX_MODE_DRIVE_AUTO_MASK                     0x00000020u /* rw */
+#define HM2_UART_TX_MODE_DRIVE_AUTO_LSB                      5
+#define HM2_UART_TX_MODE_DRIVE_ENABLE_MASK                   0x00000040u /* rw */
+#define HM2_UART_TX_MODE_DRIVE_ENABLE_LSB                    6
+
+/* uart_rx: UART receiver, 16 bytes. (registers.md 2.12) */
+#define HM2_UART_RX_DATA                                     0           /* r, per instance */
+#define HM2_UART_RX_COUNT                                    1           /* rw, per instance */
+#define HM2_UART_RX_COUNT_COUNT_MASK                         0x0000001Fu /* r */
+#define HM2_UART_RX_COUNT_COUNT_LSB                          0
+#define HM2_UART_RX_COUNT_CLEAR_MASK                         0xFFFFFFFFu /* w */
+#define HM2_UART_RX_COUNT_CLEAR_LSB                          0
+#define HM2_UART_RX_BIT_RATE                                 2           /* rw, per instance */
+#define HM2_UART_RX_BIT_RATE_RATE_MASK                       0x000FFFFFu /* rw */
+#define HM2_UART_RX_BIT_RATE_RATE_LSB                        0
+#define HM2_UART_RX_MODE                                     3           /* rw, per instance */
+#define HM2_UART_RX_MODE_FALSE_START_MASK                    0x00000001u /* rw */
+#define HM2_UART_RX_MODE_FALSE_START_LSB                     0
+#define HM2_UART_RX_MODE_OVERRUN_MASK                        0x00000002u /* rw */
+#define HM2_UART_RX_MODE_OVERRUN_LSB                         1
+#define HM2_UART_RX_MODE_MASK_ENABLE_MASK                    0x00000004u /* rw */
+#define HM2_UART_RX_MODE_MASK_ENABLE_LSB                     2
+#define HM2_UART_RX_MODE_FIFO_ERROR_MASK                     0x00000010u /* rw */
+#define HM2_UART_RX_MODE_FIFO_ERROR_LSB                      4
+#define HM2_UART_RX_MODE_LOST_DATA_MASK                      0x00000020u /* rw */
+#define HM2_UART_RX_MODE_LOST_DATA_LSB                       5
+#define HM2_UART_RX_MODE_MASKED_MASK                         0x00000040u /* rw */
+#define HM2_UART_RX_MODE_MASKED_LSB                          6
+#define HM2_UART_RX_MODE_HAS_DATA_MASK                       0x00000080u /* rw */
+#define HM2_UART_RX_MODE_HAS_DATA_LSB                        7
+
+/* pktuart_tx: Packet UART transmitter: at most 16 frames. (registers.md 2.13) */
+#define HM2_PKTUART_TX_DATA                                  0           /* w, per instance */
+#define HM2_PKTUART_TX_FRAME_COUNT                           1           /* rw, per instance */
+#define HM2_PKTUART_TX_FRAME_COUNT_BYTES_MASK                0x000003FFu /* rw */
+#define HM2_PKTUART_TX_FRAME_COUNT_BYTES_LSB                 0
+#define HM2_PKTUART_TX_BIT_RATE                              2           /* rw, per instance */
+#define HM2_PKTUART_TX_BIT_RATE_RATE_MASK                    0x00FFFFFFu /* rw */
+#define HM2_PKTUART_TX_BIT_RATE_RATE_LSB                     0
+#define HM2_PKTUART_TX_MODE                                  3           /* rw, per instance */
+#define HM2_PKTUART_TX_MODE_DRIVE_DELAY_MASK                 0x0000000Fu /* rw */
+#define HM2_PKTUART_TX_MODE_DRIVE_DELAY_LSB                  0
+#define HM2_PKTUART_TX_MODE_FRAME_FIFO_ERROR_MASK            0x00000010u /* rw */
+#define HM2_PKTUART_TX_MODE_FRAME_FIFO_ERROR_LSB             4
+#define HM2_PKTUART_TX_MODE_DRIVE_AUTO_MASK                  0x00000020u /* rw */
+#define HM2_PKTUART_TX_MODE_DRIVE_AUTO_LSB                   5
+#define HM2_PKTUART_TX_MODE_DRIVE_ENABLE_MASK                0x00000040u /* rw */
+#define HM2_PKTUART_TX_MODE_DRIVE_ENABLE_LSB                 6
+#define HM2_PKTUART_TX_MODE_BUSY_MASK                        0x00000080u /* r */
+#define HM2_PKTUART_TX_MODE_BUSY_LSB                         7
+#define HM2_PKTUART_TX_MODE_INTER_FRAME_MASK                 0x0000FF00u /* rw */
+#define HM2_PKTUART_TX_MODE_INTER_FRAME_LSB                  8
+#define HM2_PKTUART_TX_MODE_FRAMES_WAITING_MASK              0x001F0000u /* r */
+#define HM2_PKTUART_TX_MODE_FRAMES_WAITING_LSB               16
+#define HM2_PKTUART_TX_MODE_PARITY_MASK                      0x00020000u /* w */
+#define HM2_PKTUART_TX_MODE_PARITY_LSB                       17
+#define HM2_PKTUART_TX_MODE_PARITY_ODD_MASK                  0x00040000u /* w */
+#define HM2_PKTUART_TX_MODE_PARITY_ODD_LSB                   18
+#define HM2_PKTUART_TX_MODE_TWO_STOP_BITS_MASK               0x00080000u /* w */
+#define HM2_PKTUART_TX_MODE_TWO_STOP_BITS_LSB                19
+#define HM2_PKTUART_TX_MODE_INTER_FRAME_X4_MASK              0x00100000u /* w */
+#define HM2_PKTUART_TX_MODE_INTER_FRAME_X4_LSB               20
+#define HM2_PKTUART_TX_MODE_HAS_DATA_MASK                    0x00200000u /* r */
+#define HM2_PKTUART_TX_MODE_HAS_DATA_LSB                     21
+
+/* pktuart_rx: Packet UART receiver. (registers.md 2.13) */
+#define HM2_PKTUART_RX_DATA                                  0           /* r, per instance */
+#define HM2_PKTUART_RX_FRAME_COUNT                           1           /* r, per instance */
+#define HM2_PKTUART_RX_FRAME_COUNT_BYTES_MASK                0x000003FFu /* r */
+#define HM2_PKTUART_RX_FRAME_COUNT_BYTES_LSB                 0
+#define HM2_PKTUART_RX_FRAME_COUNT_START_ERROR_MASK          0x00004000u /* r */
+#define HM2_PKTUART_RX_FRAME_COUNT_START_ERROR_LSB           14
+#define HM2_PKTUART_RX_FRAME_COUNT_OVERRUN_MASK              0x00008000u /* r */
+#define HM2_PKTUART_RX_FRAME_COUNT_OVERRUN_LSB               15
+#define HM2_PKTUART_RX_FRAME_COUNT_PARITY_ERROR_MASK         0x00010000u /* r */
+#define HM2_PKTUART_RX_FRAME_COUNT_PARITY_ERROR_LSB          16
+#define HM2_PKTUART_RX_FRAME_COUNT_LONGEST_GAP_MASK          0xFF000000u /* r */
+#define HM2_PKTUART_RX_FRAME_COUNT_LONGEST_GAP_LSB           24
+#define HM2_PKTUART_RX_BIT_RATE                              2           /* rw, per instance */
+#define HM2_PKTUART_RX_BIT_RATE_RATE_MASK                    0x00FFFFFFu /* rw */
+#define HM2_PKTUART_RX_BIT_RATE_RATE_LSB                     0
+#define HM2_PKTUART_RX_BIT_RATE_FILTER_HIGH_MASK             0xFF000000u /* rw */
+#define HM2_PKTUART_RX_BIT_RATE_FILTER_HIGH_LSB              24
+#define HM2_PKTUART_RX_MODE                                  3           /* rw, per instance */
+#define HM2_PKTUART_RX_MODE_START_ERROR_MASK                 0x00000001u /* rw */
+#define HM2_PKTUART_RX_MODE_START_ERROR_LSB                  0
+#define HM2_PKTUART_RX_MODE_OVERRUN_MASK                     0x00000002u /* rw */
+#define HM2_PKTUART_RX_MODE_OVERRUN_LSB                      1
+#define HM2_PKTUART_RX_MODE_MASK_ENABLE_MASK                 0x00000004u /* rw */
+#define HM2_PKTUART_RX_MODE_MASK_ENABLE_LSB                  2
+#define HM2_PKTUART_RX_MODE_RECEIVE_ENABLE_MASK              0x00000008u /* rw */
+#define HM2_PKTUART_RX_MODE_RECEIVE_ENABLE_LSB               3
+#define HM2_PKTUART_RX_MODE_FRAME_FIFO_ERROR_MASK            0x00000010u /* rw */
+#define HM2_PKTUART_RX_MODE_FRAME_FIFO_ERROR_LSB             4
+#define HM2_PKTUART_RX_MODE_PARITY_ERROR_MASK                0x00000020u /* rw */
+#define HM2_PKTUART_RX_MODE_PARITY_ERROR_LSB                 5
+#define HM2_PKTUART_RX_MODE_MASKED_MASK                      0x00000040u /* r */
+#define HM2_PKTUART_RX_MODE_MASKED_LSB                       6
+#define HM2_PKTUART_RX_MODE_BUSY_MASK                        0x00000080u /* r */
+#define HM2_PKTUART_RX_MODE_BUSY_LSB                         7
+#define HM2_PKTUART_RX_MODE_INTER_FRAME_MASK                 0x0000FF00u /* rw */
+#define HM2_PKTUART_RX_MODE_INTER_FRAME_LSB                  8
+#define HM2_PKTUART_RX_MODE_FRAMES_WAITING_MASK              0x001F0000u /* r */
+#define HM2_PKTUART_RX_MODE_FRAMES_WAITING_LSB               16
+#define HM2_PKTUART_RX_MODE_PARITY_MASK                      0x00020000u /* w */
+#define HM2_PKTUART_RX_MODE_PARITY_LSB                       17
+#define HM2_PKTUART_RX_MODE_PARITY_ODD_MASK                  0x00040000u /* w */
+#define HM2_PKTUART_RX_MODE_PARITY_ODD_LSB                   18
+#define HM2_PKTUART_RX_MODE_TWO_STOP_BITS_MASK               0x00080000u /* w */
+#define HM2_PKTUART_RX_MODE_TWO_STOP_BITS_LSB                19
+#define HM2_PKTUART_RX_MODE_INTER_FRAME_X4_MASK              0x00100000u /* w */
+#define HM2_PKTUART_RX_MODE_INTER_FRAME_X4_LSB               20
+#define HM2_PKTUART_RX_MODE_HAS_DATA_MASK                    0x00200000u /* r */
+#define HM2_PKTUART_RX_MODE_HAS_DATA_LSB                     21
+#define HM2_PKTUART_RX_MODE_FILTER_LOW_MASK                  0x3FC00000u /* rw */
+#define HM2_PKTUART_RX_MODE_FILTER_LOW_LSB                   22
+#define HM2_PKTUART_RX_MODE_POP_ERROR_MASK                   0x40000000u /* r */
+#define HM2_PKTUART_RX_MODE_POP_ERROR_LSB                    30
+
+/* ssi: SSI absolute encoder. (registers.md 2.14) */
+#define HM2_SSI_DATA0                                        0           /* rw, per instance */
+#define HM2_SSI_DATA1                                        1           /* r, per instance */
+#define HM2_SSI_CONTROL                                      2           /* rw, per instance */
+#define HM2_SSI_CONTROL_BITS_MASK                            0x0000007Fu /* rw */
+#define HM2_SSI_CONTROL_BITS_LSB                             0
+#define HM2_SSI_CONTROL_PROGRAM_START_MASK                   0x00000100u /* rw */
+#define HM2_SSI_CONTROL_PROGRAM_START_LSB                    8
+#define HM2_SSI_CONTROL_TIMER_START_MASK                     0x00000200u /* rw */
+#define HM2_SSI_CONTROL_TIMER_START_LSB                      9
+#define HM2_SSI_CONTROL_BUSY_MASK                            0x00000800u /* r */
+#define HM2_SSI_CONTROL_BUSY_LSB                             11
+#define HM2_SSI_CONTROL_TIMER_MASK                           0x00007000u /* rw */
+#define HM2_SSI_CONTROL_TIMER_LSB                            12
+#define HM2_SSI_CONTROL_DATA_AVAILABLE_MASK                  0x00008000u /* r */
+#define HM2_SSI_CONTROL_DATA_AVAILABLE_LSB                   15
+#define HM2_SSI_CONTROL_RATE_MASK                            0xFFFF0000u /* rw */
+#define HM2_SSI_CONTROL_RATE_LSB                             16
+#define HM2_SSI_GLOBAL_START                                 3           /* rw */
+#define HM2_SSI_GLOBAL_START_BUSY_MASK                       0xFFFFFFFFu /* r */
+#define HM2_SSI_GLOBAL_START_BUSY_LSB                        0
+#define HM2_SSI_GLOBAL_START_START_MASK                      0xFFFFFFFFu /* w */
+#define HM2_SSI_GLOBAL_START_START_LSB                       0
+
+/* biss: BISS absolute encoder. (registers.md 2.15) */
+#define HM2_BISS_DATA                                        0           /* r, per instance */
+#define HM2_BISS_CONTROL0                                    1           /* rw, per instance */
+#define HM2_BISS_CONTROL0_BITS_MASK                          0x000003FFu /* rw */
+#define HM2_BISS_CONTROL0_BITS_LSB                           0
+#define HM2_BISS_CONTROL0_FILTER_MASK                        0x0000FC00u /* rw */
+#define HM2_BISS_CONTROL0_FILTER_LSB                         10
+#define HM2_BISS_CONTROL0_RATE_MASK                          0xFFFF0000u /* rw */
+#define HM2_BISS_CONTROL0_RATE_LSB                           16
+#define HM2_BISS_CONTROL1                                    2           /* rw, per instance */
+#define HM2_BISS_CONTROL1_TIMER_START_MASK                   0x00000100u /* w */
+#define HM2_BISS_CONTROL1_TIMER_START_LSB                    8
+#define HM2_BISS_CONTROL1_PROGRAM_STARTED_MASK               0x00000100u /* r */
+#define HM2_BISS_CONTROL1_PROGRAM_STARTED_LSB                8
+#define HM2_BISS_CONTROL1_PROGRAM_START_MASK                 0x00000200u /* w */
+#define HM2_BISS_CONTROL1_PROGRAM_START_LSB                  9
+#define HM2_BISS_CONTROL1_TIMER_STARTED_MASK                 0x00000200u /* r */
+#define HM2_BISS_CONTROL1_TIMER_STARTED_LSB                  9
+#define HM2_BISS_CONTROL1_TIMER_MASK                         0x00007000u /* rw */
+#define HM2_BISS_CONTROL1_TIMER_LSB                          12
+#define HM2_BISS_CONTROL1_DATA_AVAILABLE_MASK                0x00008000u /* r */
+#define HM2_BISS_CONTROL1_DATA_AVAILABLE_LSB                 15
+#define HM2_BISS_GLOBAL_START                                3           /* rw */
+#define HM2_BISS_GLOBAL_START_BUSY_MASK                      0xFFFFFFFFu /* r */
+#define HM2_BISS_GLOBAL_START_BUSY_LSB                       0
+#define HM2_BISS_GLOBAL_START_START_MASK                     0xFFFFFFFFu /* w */
+#define HM2_BISS_GLOBAL_START_START_LSB                      0
+
+/* fanuc: Fanuc absolute encoder. (registers.md 2.16, 1.4) */
+#define HM2_FANUC_DATA0                                      0           /* r, per instance */
+#define HM2_FANUC_DATA1                                      1           /* r, per instance */
+#define HM2_FANUC_DATA2                                      2           /* rw, per instance */
+#define HM2_FANUC_DATA2_DATA_HIGH_MASK                       0x00000FFFu /* r */
+#define HM2_FANUC_DATA2_DATA_HIGH_LSB                        0
+#define HM2_FANUC_DATA2_REQUEST_WIDTH_MASK                   0x00FFC000u /* rw */
+#define HM2_FANUC_DATA2_REQUEST_WIDTH_LSB                    14
+#define HM2_FANUC_DATA2_BITS_MASK                            0x7F000000u /* rw */
+#define HM2_FANUC_DATA2_BITS_LSB                             24
+#define HM2_FANUC_DATA2_CABLE_ERROR_MASK                     0x80000000u /* r */
+#define HM2_FANUC_DATA2_CABLE_ERROR_LSB                      31
+#define HM2_FANUC_CONTROL                                    3           /* rw, per instance */
+#define HM2_FANUC_CONTROL_PROGRAM_START_MASK                 0x00000100u /* rw */
+#define HM2_FANUC_CONTROL_PROGRAM_START_LSB                  8
+#define HM2_FANUC_CONTROL_TIMER_START_MASK                   0x00000200u /* rw */
+#define HM2_FANUC_CONTROL_TIMER_START_LSB                    9
+#define HM2_FANUC_CONTROL_RECEIVING_MASK                     0x00000400u /* r */
+#define HM2_FANUC_CONTROL_RECEIVING_LSB                      10
+#define HM2_FANUC_CONTROL_BUSY_MASK                          0x00000800u /* r */
+#define HM2_FANUC_CONTROL_BUSY_LSB                           11
+#define HM2_FANUC_CONTROL_TIMER_MASK                         0x00007000u /* rw */
+#define HM2_FANUC_CONTROL_TIMER_LSB                          12
+#define HM2_FANUC_CONTROL_DATA_AVAILABLE_MASK                0x00008000u /* r */
+#define HM2_FANUC_CONTROL_DATA_AVAILABLE_LSB                 15
+#define HM2_FANUC_CONTROL_SETUP_MASK                         0x01000000u /* rw */
+#define HM2_FANUC_CONTROL_SETUP_LSB                          24
+#define HM2_FANUC_RATE                                       4           /* rw, per instance */
+#define HM2_FANUC_RATE_RATE_MASK                             0x000FFFFFu /* rw */
+#define HM2_FANUC_RATE_RATE_LSB                              0
+#define HM2_FANUC_RATE_FILTER_MASK                           0xF0000000u /* rw */
+#define HM2_FANUC_RATE_FILTER_LSB                            28
+#define HM2_FANUC_GLOBAL_START                               5           /* rw */
+#define HM2_FANUC_GLOBAL_START_BUSY_MASK                     0xFFFFFFFFu /* r */
+#define HM2_FANUC_GLOBAL_START_BUSY_LSB                      0
+#define HM2_FANUC_GLOBAL_START_START_MASK                    0xFFFFFFFFu /* w */
+#define HM2_FANUC_GLOBAL_START_START_LSB                     0
+
+/* ssr: Solid state relay outputs driven through a transformer. (registers.md 2.17) */
+#define HM2_SSR_DATA                                         0           /* rw, per instance */
+#define HM2_SSR_RATE                                         1           /* rw, per instance */
+#define HM2_SSR_RATE_DIVIDER_MASK                            0x00000FFFu /* rw */
+#define HM2_SSR_RATE_DIVIDER_LSB                             0
+#define HM2_SSR_RATE_ENABLE_MASK                             0x00001000u /* rw */
+#define HM2_SSR_RATE_ENABLE_LSB                              12
+
+/* outm: Field outputs. (registers.md 2.17) */
+#define HM2_OUTM_DATA                                        0           /* rw, per instance */
+
+/* inm: Field inputs with filters and up to four counters. (registers.md 2.18) */
+#define HM2_INM_CONTROL                                      0           /* rw, per instance */
+#define HM2_INM_CONTROL_SCAN_WIDTH_MASK                      0x0000001Fu /* r */
+#define HM2_INM_CONTROL_SCAN_WIDTH_LSB                       0
+#define HM2_INM_CONTROL_INVERT_MASK                          0x00000020u /* w */
+#define HM2_INM_CONTROL_INVERT_LSB                           5
+#define HM2_INM_CONTROL_DIVIDER_MASK                         0x0000FFC0u /* w */
+#define HM2_INM_CONTROL_DIVIDER_LSB                          6
+#define HM2_INM_CONTROL_FAST_SCANS_MASK                      0x003F0000u /* w */
+#define HM2_INM_CONTROL_FAST_SCANS_LSB                       16
+#define HM2_INM_CONTROL_SLOW_SCANS_MASK                      0xFFC00000u /* w */
+#define HM2_INM_CONTROL_SLOW_SCANS_LSB                       22
+#define HM2_INM_FILTER                                       1           /* rw, per instance */
+#define HM2_INM_FILTERED                                     2           /* r, per instance */
+#define HM2_INM_RAW                                          3           /* r, per instance */
+#define HM2_INM_MPG                                          4           /* rw, per instance */
+#define HM2_INM_MPG_COUNT_0_MASK                             0x000000FFu /* r */
+#define HM2_INM_MPG_COUNT_0_LSB                              0
+#define HM2_INM_MPG_MODE_0_MASK                              0x00000001u /* w */
+#define HM2_INM_MPG_MODE_0_LSB                               0
+#define HM2_INM_MPG_COUNT_1_MASK                             0x0000FF00u /* r */
+#define HM2_INM_MPG_COUNT_1_LSB                              8
+#define HM2_INM_MPG_MODE_1_MASK                              0x00000100u /* w */
+#define HM2_INM_MPG_MODE_1_LSB                               8
+#define HM2_INM_MPG_COUNT_2_MASK                             0x00FF0000u /* r */
+#define HM2_INM_MPG_COUNT_2_LSB                              16
+#define HM2_INM_MPG_MODE_2_MASK                              0x00010000u /* w */
+#define HM2_INM_MPG_MODE_2_LSB                               16
+#define HM2_INM_MPG_COUNT_3_MASK                             0xFF000000u /* r */
+#define HM2_INM_MPG_COUNT_3_LSB                              24
+#define HM2_INM_MPG_MODE_3_MASK                              0x01000000u /* w */
+#define HM2_INM_MPG_MODE_3_LSB                               24
+
+/* inmux: Multiplexed field inputs with filters and up to four counters. (registers.md 2.18) */
+#define HM2_INMUX_CONTROL                                    0           /* rw, per instance */
+#define HM2_INMUX_CONTROL_SCAN_WIDTH_MASK                    0x0000001Fu /* r */
+#define HM2_INMUX_CONTROL_SCAN_WIDTH_LSB                     0
+#define HM2_INMUX_CONTROL_INVERT_MASK                        0x00000020u /* w */
+#define HM2_INMUX_CONTROL_INVERT_LSB                         5
+#define HM2_INMUX_CONTROL_DIVIDER_MASK                       0x0000FFC0u /* w */
+#define HM2_INMUX_CONTROL_DIVIDER_LSB                        6
+#define HM2_INMUX_CONTROL_FAST_SCANS_MASK                    0x003F0000u /* w */
+#define HM2_INMUX_CONTROL_FAST_SCANS_LSB                     16
+#define HM2_INMUX_CONTROL_SLOW_SCANS_MASK                    0xFFC00000u /* w */
+#define HM2_INMUX_CONTROL_SLOW_SCANS_LSB                     22
+#define HM2_INMUX_FILTER                                     1           /* rw, per instance */
+#define HM2_INMUX_FILTERED                                   2           /* r, per instance */
+#define HM2_INMUX_RAW                                        3           /* r, per instance */
+#define HM2_INMUX_MPG                                        4           /* rw, per instance */
+#define HM2_INMUX_MPG_COUNT_0_MASK                           0x000000FFu /* r */
+#define HM2_INMUX_MPG_COUNT_0_LSB                            0
+#define HM2_INMUX_MPG_MODE_0_MASK                            0x00000001u /* w */
+#define HM2_INMUX_MPG_MODE_0_LSB                             0
+#define HM2_INMUX_MPG_COUNT_1_MASK                           0x0000FF00u /* r */
+#define HM2_INMUX_MPG_COUNT_1_LSB                            8
+#define HM2_INMUX_MPG_MODE_1_MASK                            0x00000100u /* w */
+#define HM2_INMUX_MPG_MODE_1_LSB                             8
+#define HM2_INMUX_MPG_COUNT_2_MASK                           0x00FF0000u /* r */
+#define HM2_INMUX_MPG_COUNT_2_LSB                            16
+#define HM2_INMUX_MPG_MODE_2_MASK                            0x00010000u /* w */
+#define HM2_INMUX_MPG_MODE_2_LSB                             16
+#define HM2_INMUX_MPG_COUNT_3_MASK                           0xFF000000u /* r */
+#define HM2_INMUX_MPG_COUNT_3_LSB                            24
+#define HM2_INMUX_MPG_MODE_3_MASK                            0x01000000u /* w */
+#define HM2_INMUX_MPG_MODE_3_LSB                             24
+
+/* oneshot: Two pulse timers. (registers.md 2.19) */
+#define HM2_ONESHOT_WIDTH1                                   0           /* rw, per instance */
+#define HM2_ONESHOT_WIDTH1_PERIODS_MASK                      0x7FFFFFFFu /* rw */
+#define HM2_ONESHOT_WIDTH1_PERIODS_LSB                       0
+#define HM2_ONESHOT_WIDTH2                                   1           /* rw, per instance */
+#define HM2_ONESHOT_WIDTH2_PERIODS_MASK                      0x7FFFFFFFu /* rw */
+#define HM2_ONESHOT_WIDTH2_PERIODS_LSB                       0
+#define HM2_ONESHOT_FILTER1                                  2           /* rw, per instance */
+#define HM2_ONESHOT_FILTER1_PERIODS_MASK                     0x00FFFFFFu /* rw */
+#define HM2_ONESHOT_FILTER1_PERIODS_LSB                      0
+#define HM2_ONESHOT_FILTER2                                  3           /* rw, per instance */
+#define HM2_ONESHOT_FILTER2_PERIODS_MASK                     0x00FFFFFFu /* rw */
+#define HM2_ONESHOT_FILTER2_PERIODS_LSB                      0
+#define HM2_ONESHOT_RATE                                     4           /* rw, per instance */
+#define HM2_ONESHOT_CONTROL                                  5           /* rw, per instance */
+#define HM2_ONESHOT_CONTROL_TRIGGER_1_MASK                   0x00000007u /* rw */
+#define HM2_ONESHOT_CONTROL_TRIGGER_1_LSB                    0
+#define HM2_ONESHOT_CONTROL_RISE_1_MASK                      0x00000008u /* rw */
+#define HM2_ONESHOT_CONTROL_RISE_1_LSB                       3
+#define HM2_ONESHOT_CONTROL_FALL_1_MASK                      0x00000010u /* rw */
+#define HM2_ONESHOT_CONTROL_FALL_1_LSB                       4
+#define HM2_ONESHOT_CONTROL_RETRIGGER_1_MASK                 0x00000020u /* rw */
+#define HM2_ONESHOT_CONTROL_RETRIGGER_1_LSB                  5
+#define HM2_ONESHOT_CONTROL_ENABLE_1_MASK                    0x00000040u /* rw */
+#define HM2_ONESHOT_CONTROL_ENABLE_1_LSB                     6
+#define HM2_ONESHOT_CONTROL_RESET_1_MASK                     0x00000080u /* rw */
+#define HM2_ONESHOT_CONTROL_RESET_1_LSB                      7
+#define HM2_ONESHOT_CONTROL_OUTPUT_1_MASK                    0x00000100u /* r */
+#define HM2_ONESHOT_CONTROL_OUTPUT_1_LSB                     8
+#define HM2_ONESHOT_CONTROL_EXTERNAL_1_MASK                  0x00000200u /* r */
+#define HM2_ONESHOT_CONTROL_EXTERNAL_1_LSB                   9
+#define HM2_ONESHOT_CONTROL_SOFTWARE_TRIGGER_1_MASK          0x00000400u /* w */
+#define HM2_ONESHOT_CONTROL_SOFTWARE_TRIGGER_1_LSB           10
+#define HM2_ONESHOT_CONTROL_TIMER_1_MASK                     0x00007000u /* rw */
+#define HM2_ONESHOT_CONTROL_TIMER_1_LSB                      12
+#define HM2_ONESHOT_CONTROL_TRIGGER_2_MASK                   0x00070000u /* rw */
+#define HM2_ONESHOT_CONTROL_TRIGGER_2_LSB                    16
+#define HM2_ONESHOT_CONTROL_RISE_2_MASK                      0x00080000u /* rw */
+#define HM2_ONESHOT_CONTROL_RISE_2_LSB                       19
+#define HM2_ONESHOT_CONTROL_FALL_2_MASK                      0x00100000u /* rw */
+#define HM2_ONESHOT_CONTROL_FALL_2_LSB                       20
+#define HM2_ONESHOT_CONTROL_RETRIGGER_2_MASK                 0x00200000u /* rw */
+#define HM2_ONESHOT_CONTROL_RETRIGGER_2_LSB                  21
+#define HM2_ONESHOT_CONTROL_ENABLE_2_MASK                    0x00400000u /* rw */
+#define HM2_ONESHOT_CONTROL_ENABLE_2_LSB                     22
+#define HM2_ONESHOT_CONTROL_RESET_2_MASK                     0x00800000u /* rw */
+#define HM2_ONESHOT_CONTROL_RESET_2_LSB                      23
+#define HM2_ONESHOT_CONTROL_OUTPUT_2_MASK                    0x01000000u /* r */
+#define HM2_ONESHOT_CONTROL_OUTPUT_2_LSB                     24
+#define HM2_ONESHOT_CONTROL_EXTERNAL_2_MASK                  0x02000000u /* r */
+#define HM2_ONESHOT_CONTROL_EXTERNAL_2_LSB                   25
+#define HM2_ONESHOT_CONTROL_SOFTWARE_TRIGGER_2_MASK          0x04000000u /* w */
+#define HM2_ONESHOT_CONTROL_SOFTWARE_TRIGGER_2_LSB           26
+#define HM2_ONESHOT_CONTROL_TIMER_2_MASK                     0x70000000u /* rw */
+#define HM2_ONESHOT_CONTROL_TIMER_2_LSB                      28
+
+/* period: Period and width of a signal. (registers.md 2.20) */
+#define HM2_PERIOD_MODE                                      0           /* rw, per instance */
+#define HM2_PERIOD_MODE_POLARITY_MASK                        0x00000001u /* w */
+#define HM2_PERIOD_MODE_POLARITY_LSB                         0
+#define HM2_PERIOD_MODE_VALID_MASK                           0x00000002u /* r */
+#define HM2_PERIOD_MODE_VALID_LSB                            1
+#define HM2_PERIOD_MODE_INPUT_MASK                           0x00000004u /* r */
+#define HM2_PERIOD_MODE_INPUT_LSB                            2
+#define HM2_PERIOD_MODE_AVERAGES_MASK                        0x0000FFF0u /* w */
+#define HM2_PERIOD_MODE_AVERAGES_LSB                         4
+#define HM2_PERIOD_MODE_FILTER_MASK                          0xFFFF0000u /* w */
+#define HM2_PERIOD_MODE_FILTER_LSB                           16
+#define HM2_PERIOD_PERIOD                                    1           /* r, per instance */
+#define HM2_PERIOD_WIDTH                                     2           /* r, per instance */
+#define HM2_PERIOD_LIMIT                                     3           /* rw, per instance */
+
+/* rcpwm: Servo pulses as in radio control. (registers.md 2.21) */
+#define HM2_RCPWM_WIDTH                                      0           /* w, per instance */
+#define HM2_RCPWM_WIDTH_PERIODS_MASK                         0x0000FFFFu /* w */
+#define HM2_RCPWM_WIDTH_PERIODS_LSB                          0
+#define HM2_RCPWM_RATE                                       1           /* w */
+
+/* xy2mod: XY2-100 galvanometer interface. (registers.md 2.22) */
+#define HM2_XY2MOD_ACCELERATION_X                            0           /* rw, per instance */
+#define HM2_XY2MOD_ACCELERATION_Y                            1           /* rw, per instance */
+#define HM2_XY2MOD_VELOCITY_X                                2           /* rw, per instance */
+#define HM2_XY2MOD_VELOCITY_Y                                3           /* rw, per instance */
+#define HM2_XY2MOD_POSITION_X                                4           /* rw, per instance */
+#define HM2_XY2MOD_POSITION_Y                                5           /* rw, per instance */
+#define HM2_XY2MOD_MODE                                      6           /* rw, per instance */
+#define HM2_XY2MOD_MODE_CONTROL_X_MASK                       0x00000007u /* rw */
+#define HM2_XY2MOD_MODE_CONTROL_X_LSB                        0
+#define HM2_XY2MOD_MODE_CONTROL_Y_MASK                       0x00000038u /* rw */
+#define HM2_XY2MOD_MODE_CONTROL_Y_LSB                        3
+#define HM2_XY2MOD_MODE_OVERFLOW_X_MASK                      0x00000040u /* rw */
+#define HM2_XY2MOD_MODE_OVERFLOW_X_LSB                       6
+#define HM2_XY2MOD_MODE_OVERFLOW_Y_MASK                      0x00000080u /* rw */
+#define HM2_XY2MOD_MODE_OVERFLOW_Y_LSB                       7
+#define HM2_XY2MOD_MODE_VELOCITY_OVERFLOW_X_MASK             0x00000100u /* rw */
+#define HM2_XY2MOD_MODE_VELOCITY_OVERFLOW_X_LSB              8
+#define HM2_XY2MOD_MODE_VELOCITY_OVERFLOW_Y_MASK             0x00000200u /* rw */
+#define HM2_XY2MOD_MODE_VELOCITY_OVERFLOW_Y_LSB              9
+#define HM2_XY2MOD_MODE_BITS18_X_MASK                        0x00000400u /* rw */
+#define HM2_XY2MOD_MODE_BITS18_X_LSB                         10
+#define HM2_XY2MOD_MODE_BITS18_Y_MASK                        0x00000800u /* rw */
+#define HM2_XY2MOD_MODE_BITS18_Y_LSB                         11
+#define HM2_XY2MOD_MODE_COMMAND_MODE_X_MASK                  0x00001000u /* rw */
+#define HM2_XY2MOD_MODE_COMMAND_MODE_X_LSB                   12
+#define HM2_XY2MOD_MODE_COMMAND_MODE_Y_MASK                  0x00002000u /* rw */
+#define HM2_XY2MOD_MODE_COMMAND_MODE_Y_LSB                   13
+#define HM2_XY2MOD_COMMAND                                   7           /* rw, per instance */
+#define HM2_XY2MOD_COMMAND_X_MASK                            0x0000FFFFu /* rw */
+#define HM2_XY2MOD_COMMAND_X_LSB                             0
+#define HM2_XY2MOD_COMMAND_Y_MASK                            0xFFFF0000u /* rw */
+#define HM2_XY2MOD_COMMAND_Y_LSB                             16
+#define HM2_XY2MOD_STATUS                                    8           /* r, per instance */
+#define HM2_XY2MOD_STATUS_STATUS_BITS_MASK                   0x000FFFFFu /* r */
+#define HM2_XY2MOD_STATUS_STATUS_BITS_LSB                    0
+#define HM2_XY2MOD_READ_TIMER                                9           /* rw */
+#define HM2_XY2MOD_READ_TIMER_TIMER_MASK                     0x00007000u /* rw */
+#define HM2_XY2MOD_READ_TIMER_TIMER_LSB                      12
+#define HM2_XY2MOD_READ_TIMER_ENABLE_MASK                    0x00008000u /* rw */
+#define HM2_XY2MOD_READ_TIMER_ENABLE_LSB                     15
+#define HM2_XY2MOD_WRITE_TIMER                               10          /* rw */
+#define HM2_XY2MOD_WRITE_TIMER_TIMER_MASK                    0x00007000u /* rw */
+#define HM2_XY2MOD_WRITE_TIMER_TIMER_LSB                     12
+#define HM2_XY2MOD_WRITE_TIMER_ENABLE_MASK                   0x00008000u /* rw */
+#define HM2_XY2MOD_WRITE_TIMER_ENABLE_LSB                    15
+
+/* irq: Interrupt of PCI cards, from the address of its divider. (registers.md 2.23; card_observed.md 1, 8) */
+#define HM2_IRQ_DIVIDER                                      0           /* w */
+#define HM2_IRQ_STATUS                                       1           /* rw */
+#define HM2_IRQ_STATUS_FLAG_MASK                             0x00000001u /* rw */
+#define HM2_IRQ_STATUS_FLAG_LSB                              0
+#define HM2_IRQ_STATUS_MASK_BIT_MASK                         0x00000002u /* rw */
+#define HM2_IRQ_STATUS_MASK_BIT_LSB                          1
+#define HM2_IRQ_STATUS_SOURCE_SELECT_MASK                    0x0000001Cu /* rw */
+#define HM2_IRQ_STATUS_SOURCE_SELECT_LSB                     2
+#define HM2_IRQ_CLEAR                                        2           /* w */
+
+/* dmdma: Demand-mode DMA. (registers.md 2.24) */
+#define HM2_DMDMA_MODE                                       0           /* rw */
+#define HM2_DMDMA_MODE_ENABLE_MASK                           0x00000001u /* rw */
+#define HM2_DMDMA_MODE_ENABLE_LSB                            0
+#define HM2_DMDMA_MODE_REQUEST_MASK                          0x00000002u /* r */
+#define HM2_DMDMA_MODE_REQUEST_LSB                           1
+#define HM2_DMDMA_MODE_SOURCES_MASK                          0xFFFF0000u /* rw */
+#define HM2_DMDMA_MODE_SOURCES_LSB                           16
+
+/* tram: Address translation: 256 addresses and a window of 256 bytes. (registers.md 2.24) */
+#define HM2_TRAM_ENTRY                                       0           /* rw */
+#define HM2_TRAM_ENTRY_ADDRESS_MASK                          0x00007FFFu /* rw */
+#define HM2_TRAM_ENTRY_ADDRESS_LSB                           0
+#define HM2_TRAM_ENTRY_STROBE_MASK                           0x00008000u /* rw */
+#define HM2_TRAM_ENTRY_STROBE_LSB                            15
+#define HM2_TRAM_WINDOW                                      4           /* rw */
+
+/* daq_fifo: Data acquisition FIFO. (registers.md 2.24) */
+#define HM2_DAQ_FIFO_DATA                                    0           /* r, per instance */
+#define HM2_DAQ_FIFO_COUNT                                   1           /* rw, per instance */
+#define HM2_DAQ_FIFO_COUNT_WORDS_MASK                        0x0000FFFFu /* r */
+#define HM2_DAQ_FIFO_COUNT_WORDS_LSB                         0
+#define HM2_DAQ_FIFO_COUNT_CLEAR_MASK                        0x0000FFFFu /* w */
+#define HM2_DAQ_FIFO_COUNT_CLEAR_LSB                         0
+#define HM2_DAQ_FIFO_COUNT_ODD_MASK                          0x01000000u /* r */
+#define HM2_DAQ_FIFO_COUNT_ODD_LSB                           24
+#define HM2_DAQ_FIFO_MODE                                    2           /* rw, per instance */
+#define HM2_DAQ_FIFO_MODE_STROBE_POLARITY_MASK               0x00000001u /* rw */
+#define HM2_DAQ_FIFO_MODE_STROBE_POLARITY_LSB                0
+#define HM2_DAQ_FIFO_MODE_UNDERFLOW_MASK                     0x00000002u /* rw */
+#define HM2_DAQ_FIFO_MODE_UNDERFLOW_LSB                      1
+#define HM2_DAQ_FIFO_MODE_OVERFLOW_MASK                      0x00000004u /* rw */
+#define HM2_DAQ_FIFO_MODE_OVERFLOW_LSB                       2
+#define HM2_DAQ_FIFO_MODE_REQUEST_MASK                       0x00000008u /* rw */
+#define HM2_DAQ_FIFO_MODE_REQUEST_LSB                        3
+#define HM2_DAQ_FIFO_MODE_THRESHOLD_MASK                     0xFFFF0000u /* rw */
+#define HM2_DAQ_FIFO_MODE_THRESHOLD_LSB                      16
+
+/* twiddler: I/O processor. (registers.md 2.24) */
+#define HM2_TWIDDLER_COMMAND                                 0           /* rw, per instance */
+#define HM2_TWIDDLER_COMMAND_PARAMETER_MASK                  0x00000FFFu /* rw */
+#define HM2_TWIDDLER_COMMAND_PARAMETER_LSB                   0
+#define HM2_TWIDDLER_COMMAND_DOIT_MASK                       0x00002000u /* rw */
+#define HM2_TWIDDLER_COMMAND_DOIT_LSB                        13
+#define HM2_TWIDDLER_COMMAND_RESET_MASK                      0x00004000u /* rw */
+#define HM2_TWIDDLER_COMMAND_RESET_LSB                       14
+#define HM2_TWIDDLER_COMMAND_WRITE_MASK                      0x00008000u /* rw */
+#define HM2_TWIDDLER_COMMAND_WRITE_LSB                       15
+#define HM2_TWIDDLER_DATA                                    1           /* rw, per instance */
+#define HM2_TWIDDLER_DATA_BYTE_VALUE_MASK                    0x000000FFu /* rw */
+#define HM2_TWIDDLER_DATA_BYTE_VALUE_LSB                     0
+#define HM2_TWIDDLER_HOST                                    2           /* rw, per instance */
+
+/* spi: Simple SPI. (registers.md 2.24) */
+#define HM2_SPI_DATA                                         0           /* rw, per instance */
+#define HM2_SPI_CONTROL                                      1           /* rw, per instance */
+#define HM2_SPI_CONTROL_BITS_MASK                            0x0000003Fu /* rw */
+#define HM2_SPI_CONTROL_BITS_LSB                             0
+#define HM2_SPI_CONTROL_CPOL_MASK                            0x00000040u /* rw */
+#define HM2_SPI_CONTROL_CPOL_LSB                             6
+#define HM2_SPI_CONTROL_CPHA_MASK                            0x00000080u /* rw */
+#define HM2_SPI_CONTROL_CPHA_LSB                             7
+#define HM2_SPI_CONTROL_KEEP_FRAME_MASK                      0x00000100u /* rw */
+#define HM2_SPI_CONTROL_KEEP_FRAME_LSB                       8
+#define HM2_SPI_CONTROL_BUSY_MASK                            0x40000000u /* r */
+#define HM2_SPI_CONTROL_BUSY_LSB                             30
+#define HM2_SPI_CONTROL_DATA_VALID_MASK                      0x80000000u /* r */
+#define HM2_SPI_CONTROL_DATA_VALID_LSB                       31
+#define HM2_SPI_RATE                                         2           /* rw, per instance */
+
+/* wavegen: Waveform generator on ClockHigh. (registers.md 2.24) */
+#define HM2_WAVEGEN_RATE                                     0           /* w, per instance */
+#define HM2_WAVEGEN_PDM_RATE                                 1           /* w, per instance */
+#define HM2_WAVEGEN_LENGTH                                   2           /* w, per instance */
+#define HM2_WAVEGEN_POINTER                                  3           /* w, per instance */
+#define HM2_WAVEGEN_DATA                                     4           /* w, per instance */
+#define HM2_WAVEGEN_DATA_SAMPLE_MASK                         0x00000FFFu /* w */
+#define HM2_WAVEGEN_DATA_SAMPLE_LSB                          0
+#define HM2_WAVEGEN_DATA_TRIGGERS_MASK                       0x0000F000u /* w */
+#define HM2_WAVEGEN_DATA_TRIGGERS_LSB                        12
+
+/* binosc: Binary oscillator. (registers.md 2.24) */
+#define HM2_BINOSC_CONTROL                                   0           /* rw, per instance */
+#define HM2_BINOSC_CONTROL_ENABLE_MASK                       0x00000001u /* rw */
+#define HM2_BINOSC_CONTROL_ENABLE_LSB                        0
+
+/* scaler: Scaler counter. (registers.md 2.24) */
+#define HM2_SCALER_COUNT                                     0           /* r, per instance */
+#define HM2_SCALER_LATCH                                     1           /* r, per instance */
+#define HM2_SCALER_TIMER                                     2           /* r */
+
+/* sigma5: Sigma 5 encoder: five registers whose meaning is not documented. (registers.md 2.24) */
+#define HM2_SIGMA5_REGISTER0                                 0           /* rw, per instance */
+#define HM2_SIGMA5_REGISTER1                                 1           /* rw, per instance */
+#define HM2_SIGMA5_REGISTER2                                 2           /* rw, per instance */
+#define HM2_SIGMA5_REGISTER3                                 3           /* rw, per instance */
+#define HM2_SIGMA5_REGISTER4                                 4           /* rw, per instance */
+
 /* Accepted module descriptors (registers.md 1.8): ROW(gtag, version, num_registers, instance_stride, MP). */
 #define HM2_ACCEPTED_MODULES(ROW) \
 	ROW(0xC1u, 0x00u, 6u, 0x40u, 0x3Cu) \
@@ -964,6 +1748,25 @@
 	ROW(0x05u, 0xC2u, 10u, 0x04u, 0x1FFu) \
 	ROW(0x06u, 0x00u, 5u, 0x04u, 0x3u) \
 	ROW(0x06u, 0x01u, 5u, 0x04u, 0x3u) \
-	ROW(0x1Au, 0x00u, 7u, 0x04u, 0x0u)
+	ROW(0x1Au, 0x00u, 7u, 0x04u, 0x0u) \
+	ROW(0x13u, 0x00u, 4u, 0x04u, 0x3u) \
+	ROW(0xC0u, 0x00u, 5u, 0x04u, 0x1Fu) \
+	ROW(0x0Eu, 0x00u, 3u, 0x40u, 0x7u) \
+	ROW(0x09u, 0x00u, 4u, 0x10u, 0xFu) \
+	ROW(0x0Au, 0x00u, 4u, 0x10u, 0xFu) \
+	ROW(0x1Bu, 0x00u, 4u, 0x04u, 0xFu) \
+	ROW(0x1Bu, 0x01u, 4u, 0x04u, 0xFu) \
+	ROW(0x1Bu, 0x02u, 4u, 0x04u, 0xFu) \
+	ROW(0x1Bu, 0x03u, 4u, 0x04u, 0xFu) \
+	ROW(0x1Cu, 0x00u, 4u, 0x04u, 0xFu) \
+	ROW(0x1Cu, 0x01u, 4u, 0x04u, 0xFu) \
+	ROW(0x1Cu, 0x02u, 4u, 0x04u, 0xFu) \
+	ROW(0x1Cu, 0x03u, 4u, 0x04u, 0xFu) \
+	ROW(0x08u, 0x00u, 4u, 0x04u, 0x3u) \
+	ROW(0x18u, 0x00u, 4u, 0x04u, 0x7u) \
+	ROW(0x19u, 0x00u, 3u, 0x04u, 0x1Fu) \
+	ROW(0xC7u, 0x00u, 6u, 0x04u, 0x3Fu) \
+	ROW(0xC8u, 0x00u, 4u, 0x04u, 0xFu) \
+	ROW(0x2Bu, 0x00u, 11u, 0x04u, 0x1FFu)
 
 #endif

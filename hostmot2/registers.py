@@ -483,6 +483,280 @@ class Lbp16MemoryType(IntEnum):
     FLASH = 0x0F
 
 
+class TpPwmPin(IntEnum):
+    """Codes of tp pwm pin."""
+
+    A_HIGH = 0x81
+    B_HIGH = 0x82
+    C_HIGH = 0x83
+    A_LOW = 0x84
+    B_LOW = 0x85
+    C_LOW = 0x86
+    ENABLE = 0x87
+    FAULT = 0x08
+
+
+class ResolverPin(IntEnum):
+    """Codes of resolver pin."""
+
+    POWER_ENABLE = 0x81
+    PDM_POSITIVE = 0x82
+    PDM_NEGATIVE = 0x83
+    MUX_0 = 0x84
+    MUX_1 = 0x85
+    MUX_2 = 0x86
+    SPI_SELECT = 0x87
+    SPI_CLOCK = 0x88
+    TEST = 0x89
+    DATA_0 = 0x09
+    DATA_1 = 0x0A
+
+
+class ResolverExcitation(IntEnum):
+    """Codes of resolver excitation."""
+
+    KHZ_2_5 = 0x801  # ClockLow / 20000
+    KHZ_5 = 0x802  # ClockLow / 10000
+    KHZ_10 = 0x803  # ClockLow / 5000
+
+
+class BspiPin(IntEnum):
+    """Codes of bspi pin."""
+
+    NOT_FRAME = 0x81
+    OUT = 0x82
+    CLOCK = 0x83
+    IN = 0x04
+    SELECT_0 = 0x85
+    SELECT_1 = 0x86
+    SELECT_2 = 0x87
+    SELECT_3 = 0x88
+    SELECT_4 = 0x89
+    SELECT_5 = 0x8A
+    SELECT_6 = 0x8B
+    SELECT_7 = 0x8C
+
+
+class UartTxPin(IntEnum):
+    """Codes of uart tx pin."""
+
+    DATA = 0x81
+    DRIVE_ENABLE = 0x82
+
+
+class UartRxPin(IntEnum):
+    """Codes of uart rx pin."""
+
+    DATA = 0x01
+
+
+class PktuartTxPin(IntEnum):
+    """Codes of pktuart tx pin."""
+
+    DATA = 0x81
+    NOT_DRIVE_ENABLE = 0x82
+    DRIVE_ENABLE = 0x83
+
+
+class PktuartRxPin(IntEnum):
+    """Codes of pktuart rx pin."""
+
+    DATA = 0x01
+
+
+class PktuartCommand(IntEnum):
+    """Codes of pktuart command."""
+
+    CLEAR = 0x80010000  # to the mode register: clears both FIFOs
+
+
+class SsiPin(IntEnum):
+    """Codes of ssi pin."""
+
+    CLOCK = 0x81
+    CLOCK_ENABLE = 0x82
+    DATA = 0x03
+    DATA_AVAILABLE = 0x84
+
+
+class BissPin(IntEnum):
+    """Codes of biss pin."""
+
+    CLOCK = 0x81
+    CLOCK_ENABLE = 0x82
+    DATA = 0x03
+    DATA_AVAILABLE = 0x84
+    TEST_DATA = 0x85
+    SAMPLE_TIME = 0x86
+
+
+class FanucPin(IntEnum):
+    """Codes of fanuc pin."""
+
+    REQUEST = 0x81
+    REQUEST_ENABLE = 0x82
+    DATA = 0x03
+    DATA_AVAILABLE = 0x84
+    TEST_CLOCK = 0x85
+
+
+class SsrPin(IntEnum):
+    """Codes of ssr pin."""
+
+    OUT_0 = 0x81  # output n is 0x81 + n
+    AC_REFERENCE = 0xA0  # internal
+
+
+class OutmPin(IntEnum):
+    """Codes of outm pin."""
+
+    OUT_0 = 0x81  # output n is 0x81 + n
+
+
+class InmPin(IntEnum):
+    """Codes of inm pin."""
+
+    IN_0 = 0x01  # input n is 0x01 + n; 2k and 2k + 1 are also A and B of counter k
+
+
+class InmuxPin(IntEnum):
+    """Codes of inmux pin."""
+
+    DATA = 0x01
+    ADDRESS_0 = 0x81
+    ADDRESS_1 = 0x82
+    ADDRESS_2 = 0x83
+    ADDRESS_3 = 0x84
+    ADDRESS_4 = 0x85
+
+
+class OneshotPin(IntEnum):
+    """Codes of oneshot pin."""
+
+    TRIGGER_1 = 0x01
+    TRIGGER_2 = 0x02
+    OUT_1 = 0x03
+    OUT_2 = 0x04
+
+
+class PeriodPin(IntEnum):
+    """Codes of period pin."""
+
+    IN = 0x01
+
+
+class RcpwmPin(IntEnum):
+    """Codes of rcpwm pin."""
+
+    PWM = 0x81
+
+
+class OneshotTrigger(IntEnum):
+    """Codes of oneshot trigger."""
+
+    OFF = 0x00
+    SOFTWARE = 0x01
+    EXTERNAL = 0x02
+    DPLL = 0x03
+    RATE = 0x04
+    TIMER_1 = 0x05
+    TIMER_2 = 0x06
+
+
+class Xy2modPin(IntEnum):
+    """Codes of xy2mod pin."""
+
+    DATA_X = 0x81
+    DATA_Y = 0x82
+    CLOCK = 0x83
+    SYNC = 0x84
+    STATUS = 0x05
+
+
+class Xy2modMode(IntEnum):
+    """Codes of xy2mod mode."""
+
+    DISABLED = 0x3C9
+
+
+class IrqSource(IntEnum):
+    """Codes of irq source."""
+
+    REFERENCE = 0x00  # DPLL reference output
+    TIMER_1 = 0x01
+    TIMER_2 = 0x02
+    TIMER_3 = 0x03
+    TIMER_4 = 0x04
+
+
+class TwiddlerPin(IntEnum):
+    """Codes of twiddler pin."""
+
+    IN_0 = 0x01  # input n is 0x01 + n
+    OUT_0 = 0x81
+    BIDIRECTIONAL_0 = 0xC1
+
+
+class SpiPin(IntEnum):
+    """Codes of spi pin."""
+
+    FRAME = 0x81
+    OUT = 0x82
+    CLOCK = 0x83
+    IN = 0x04
+
+
+class WavegenPin(IntEnum):
+    """Codes of wavegen pin."""
+
+    PDM_A = 0x81
+    PDM_B = 0x82
+    TRIGGER_0 = 0x83
+    TRIGGER_1 = 0x84
+    TRIGGER_2 = 0x85
+    TRIGGER_3 = 0x86
+
+
+class OldDpllPin(IntEnum):
+    """Codes of old dpll pin."""
+
+    SYNC = 0x01
+    MSB = 0x82
+    FOUT = 0x83
+    POST = 0x84
+    SYNC_TOGGLE = 0x85
+
+
+class CpdrivePin(IntEnum):
+    """Codes of cpdrive pin."""
+
+    HIGH = 0x81
+    LOW = 0x82
+
+
+class DsadPin(IntEnum):
+    """Codes of dsad pin."""
+
+    POSITIVE_0 = 0x01
+    NEGATIVE_0 = 0x11
+    FEEDBACK_0 = 0x81
+    PWM = 0x90
+
+
+class DaqFifoPin(IntEnum):
+    """Codes of daq fifo pin."""
+
+    STROBE = 0x41
+    FULL = 0x81
+    DATA_0 = 0x01
+
+
+class BinoscPin(IntEnum):
+    """Codes of binosc pin."""
+
+    BIT_0 = 0x81
+
+
 class IdIdromOffsetRegister(Register):
     """Fields of id.idrom_offset."""
 
@@ -2823,6 +3097,2125 @@ class Lbp16Board(RegisterMap):
     )
 
 
+class TpPwmValueRegister(Register):
+    """Fields of tp_pwm.value."""
+
+    a: ClassVar[BitField] = BitField("a", 0, 10, readable=False)
+    b: ClassVar[BitField] = BitField("b", 10, 10, readable=False)
+    c: ClassVar[BitField] = BitField("c", 20, 10, readable=False)
+
+
+class TpPwmEnableRegister(Register):
+    """Fields of tp_pwm.enable."""
+
+    enable: ClassVar[BitField] = BitField("enable", 0, 1)
+    fault: ClassVar[BitField] = BitField("fault", 1, 1, description="a fault has switched off")
+
+
+class TpPwmSetupRegister(Register):
+    """Fields of tp_pwm.setup."""
+
+    dead_time: ClassVar[BitField] = BitField("dead_time", 0, 9, readable=False, unit="2 PWM clocks")
+    fault_polarity: ClassVar[BitField] = BitField(
+        "fault_polarity", 15, 1, readable=False, description="1: high is a fault"
+    )
+    sample_time: ClassVar[BitField] = BitField(
+        "sample_time",
+        16,
+        11,
+        readable=False,
+        unit="PWM clocks",
+        description="ADC sample time, 1024 is mid-cycle",
+    )
+
+
+class TpPwmRateRegister(Register):
+    """Fields of tp_pwm.rate."""
+
+    rate: ClassVar[BitField] = BitField("rate", 0, 16, readable=False)
+
+
+class TpPwm(RegisterMap):
+    """Three-phase PWM on ClockHigh, double buffered and triangular.
+
+    Source: registers.md 2.9.
+    """
+
+    name: ClassVar[str] = "tp_pwm"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x13,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=4,
+        instance_stride=4,
+        multiple_registers=0x3,
+    )
+    value: ClassVar[TpPwmValueRegister] = TpPwmValueRegister(
+        0,
+        "value",
+        "w",
+        per_instance=True,
+        description="duties, 512 is the centre",
+        fields=(
+            TpPwmValueRegister.a,
+            TpPwmValueRegister.b,
+            TpPwmValueRegister.c,
+        ),
+    )
+    enable: ClassVar[TpPwmEnableRegister] = TpPwmEnableRegister(
+        1,
+        "enable",
+        "rw",
+        per_instance=True,
+        write_effect="loads both bits: writing 1 clears the fault flag and enables unless the fault is still there",
+        fields=(
+            TpPwmEnableRegister.enable,
+            TpPwmEnableRegister.fault,
+        ),
+    )
+    setup: ClassVar[TpPwmSetupRegister] = TpPwmSetupRegister(
+        2,
+        "setup",
+        "w",
+        per_instance=True,
+        fields=(
+            TpPwmSetupRegister.dead_time,
+            TpPwmSetupRegister.fault_polarity,
+            TpPwmSetupRegister.sample_time,
+        ),
+    )
+    rate: ClassVar[TpPwmRateRegister] = TpPwmRateRegister(
+        3,
+        "rate",
+        "w",
+        description="PWM clock = ClockHigh * rate / 65536; a period is 2048 of them",
+        fields=(TpPwmRateRegister.rate,),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        value,
+        enable,
+        setup,
+        rate,
+    )
+
+
+class ResolverCommandRegister(Register):
+    """Fields of resolver.command."""
+
+    parameter: ClassVar[BitField] = BitField("parameter", 0, 12)
+    doit: ClassVar[BitField] = BitField("doit", 13, 1)
+    reset: ClassVar[BitField] = BitField("reset", 14, 1, description="processor reset, ROM load")
+    write: ClassVar[BitField] = BitField("write", 15, 1)
+
+
+class ResolverStatusRegister(Register):
+    """Fields of resolver.status."""
+
+    flags: ClassVar[BitField] = BitField("flags", 0, 6, writable=False)
+
+
+class Resolver(RegisterMap):
+    """Six resolvers, four bytes apart, behind a signal processor.
+
+    Source: registers.md 2.10.
+    """
+
+    name: ClassVar[str] = "resolver"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0xC0,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=5,
+        instance_stride=4,
+        multiple_registers=0x1F,
+    )
+    command: ClassVar[ResolverCommandRegister] = ResolverCommandRegister(
+        0,
+        "command",
+        "rw",
+        per_instance=True,
+        description="reads 0 when done",
+        fields=(
+            ResolverCommandRegister.parameter,
+            ResolverCommandRegister.doit,
+            ResolverCommandRegister.reset,
+            ResolverCommandRegister.write,
+        ),
+    )
+    data: ClassVar[Register] = Register(1, "data", "rw", per_instance=True)
+    status: ClassVar[ResolverStatusRegister] = ResolverStatusRegister(
+        2,
+        "status",
+        "r",
+        per_instance=True,
+        description="flag per resolver: valid by the firmware's text, an error to LinuxCNC",
+        fields=(ResolverStatusRegister.flags,),
+    )
+    velocity: ClassVar[Register] = Register(
+        3,
+        "velocity",
+        "r",
+        per_instance=True,
+        per_channel=True,
+        unit="2^-32 turns per excitation period",
+        description="signed",
+    )
+    position: ClassVar[Register] = Register(
+        4,
+        "position",
+        "r",
+        per_instance=True,
+        per_channel=True,
+        unit="2^-32 electrical turns",
+        description="unsigned",
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        command,
+        data,
+        status,
+        velocity,
+        position,
+    )
+
+
+class BspiDescriptorFifoRegister(Register):
+    """Fields of bspi.descriptor_fifo."""
+
+    bits: ClassVar[BitField] = BitField("bits", 0, 6, readable=False, description="bits - 1")
+    cpol: ClassVar[BitField] = BitField("cpol", 6, 1, readable=False, description="clock polarity")
+    cpha: ClassVar[BitField] = BitField("cpha", 7, 1, readable=False, description="clock phase")
+    divider: ClassVar[BitField] = BitField(
+        "divider", 8, 8, readable=False, description="clock = ClockLow / (2 * (divider + 1))"
+    )
+    chip_select: ClassVar[BitField] = BitField("chip_select", 16, 4, readable=False)
+    select_delay: ClassVar[BitField] = BitField(
+        "select_delay", 24, 5, readable=False, description="n + 1 clocks, above 15: none"
+    )
+    sample_late: ClassVar[BitField] = BitField("sample_late", 29, 1, readable=False)
+    keep_frame: ClassVar[BitField] = BitField(
+        "keep_frame", 30, 1, readable=False, description="keep the frame asserted"
+    )
+    no_echo: ClassVar[BitField] = BitField("no_echo", 31, 1, readable=False, description="no received word")
+
+
+class BspiCountRegister(Register):
+    """Fields of bspi.count."""
+
+    receive: ClassVar[BitField] = BitField("receive", 0, 5, writable=False)
+    clear: ClassVar[BitField] = BitField("clear", 0, 32, readable=False, description="any value")
+    transmit: ClassVar[BitField] = BitField("transmit", 8, 5, writable=False)
+
+
+class Bspi(RegisterMap):
+    """Buffered SPI, 16 words deep.
+
+    Source: registers.md 2.11.
+    """
+
+    name: ClassVar[str] = "bspi"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x0E,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=3,
+        instance_stride=64,
+        multiple_registers=0x7,
+    )
+    data: ClassVar[Register] = Register(
+        0,
+        "data",
+        "rw",
+        per_instance=True,
+        read_effect="pops a word",
+        write_effect="pushes a word",
+        description="FIFOs, 16 words per instance: word n sends by channel descriptor n",
+    )
+    descriptor_fifo: ClassVar[BspiDescriptorFifoRegister] = BspiDescriptorFifoRegister(
+        1,
+        "descriptor_fifo",
+        "w",
+        per_instance=True,
+        write_effect="pushes a descriptor",
+        description="channel descriptors, 15 first; four bytes per instance",
+        fields=(
+            BspiDescriptorFifoRegister.bits,
+            BspiDescriptorFifoRegister.cpol,
+            BspiDescriptorFifoRegister.cpha,
+            BspiDescriptorFifoRegister.divider,
+            BspiDescriptorFifoRegister.chip_select,
+            BspiDescriptorFifoRegister.select_delay,
+            BspiDescriptorFifoRegister.sample_late,
+            BspiDescriptorFifoRegister.keep_frame,
+            BspiDescriptorFifoRegister.no_echo,
+        ),
+    )
+    count: ClassVar[BspiCountRegister] = BspiCountRegister(
+        2,
+        "count",
+        "rw",
+        per_instance=True,
+        write_effect="clears both FIFOs",
+        description="words in the FIFOs; four bytes per instance",
+        fields=(
+            BspiCountRegister.receive,
+            BspiCountRegister.clear,
+            BspiCountRegister.transmit,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data,
+        descriptor_fifo,
+        count,
+    )
+
+
+class DbspiDescriptorFifoRegister(Register):
+    """Fields of dbspi.descriptor_fifo."""
+
+    bits: ClassVar[BitField] = BitField("bits", 0, 6, readable=False, description="bits - 1")
+    cpol: ClassVar[BitField] = BitField("cpol", 6, 1, readable=False, description="clock polarity")
+    cpha: ClassVar[BitField] = BitField("cpha", 7, 1, readable=False, description="clock phase")
+    divider: ClassVar[BitField] = BitField(
+        "divider", 8, 8, readable=False, description="clock = ClockLow / (2 * (divider + 1))"
+    )
+    chip_select: ClassVar[BitField] = BitField("chip_select", 16, 4, readable=False)
+    select_delay: ClassVar[BitField] = BitField(
+        "select_delay", 24, 5, readable=False, description="n + 1 clocks, above 15: none"
+    )
+    sample_late: ClassVar[BitField] = BitField("sample_late", 29, 1, readable=False)
+    keep_frame: ClassVar[BitField] = BitField(
+        "keep_frame", 30, 1, readable=False, description="keep the frame asserted"
+    )
+    no_echo: ClassVar[BitField] = BitField("no_echo", 31, 1, readable=False, description="no received word")
+
+
+class DbspiCountRegister(Register):
+    """Fields of dbspi.count."""
+
+    receive: ClassVar[BitField] = BitField("receive", 0, 5, writable=False)
+    clear: ClassVar[BitField] = BitField("clear", 0, 32, readable=False, description="any value")
+    transmit: ClassVar[BitField] = BitField("transmit", 8, 5, writable=False)
+
+
+class Dbspi(RegisterMap):
+    """Buffered SPI with decoded chip selects and no frame pin.
+
+    Source: registers.md 2.11.
+    """
+
+    name: ClassVar[str] = "dbspi"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x0F,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    data: ClassVar[Register] = Register(
+        0,
+        "data",
+        "rw",
+        per_instance=True,
+        read_effect="pops a word",
+        write_effect="pushes a word",
+        description="FIFOs, 16 words per instance: word n sends by channel descriptor n",
+    )
+    descriptor_fifo: ClassVar[DbspiDescriptorFifoRegister] = DbspiDescriptorFifoRegister(
+        1,
+        "descriptor_fifo",
+        "w",
+        per_instance=True,
+        write_effect="pushes a descriptor",
+        description="channel descriptors, 15 first; four bytes per instance",
+        fields=(
+            DbspiDescriptorFifoRegister.bits,
+            DbspiDescriptorFifoRegister.cpol,
+            DbspiDescriptorFifoRegister.cpha,
+            DbspiDescriptorFifoRegister.divider,
+            DbspiDescriptorFifoRegister.chip_select,
+            DbspiDescriptorFifoRegister.select_delay,
+            DbspiDescriptorFifoRegister.sample_late,
+            DbspiDescriptorFifoRegister.keep_frame,
+            DbspiDescriptorFifoRegister.no_echo,
+        ),
+    )
+    count: ClassVar[DbspiCountRegister] = DbspiCountRegister(
+        2,
+        "count",
+        "rw",
+        per_instance=True,
+        write_effect="clears both FIFOs",
+        description="words in the FIFOs; four bytes per instance",
+        fields=(
+            DbspiCountRegister.receive,
+            DbspiCountRegister.clear,
+            DbspiCountRegister.transmit,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data,
+        descriptor_fifo,
+        count,
+    )
+
+
+class UartTxCountRegister(Register):
+    """Fields of uart_tx.count."""
+
+    count: ClassVar[BitField] = BitField("count", 0, 5, writable=False)
+    clear: ClassVar[BitField] = BitField("clear", 0, 32, readable=False)
+
+
+class UartTxBitRateRegister(Register):
+    """Fields of uart_tx.bit_rate."""
+
+    rate: ClassVar[BitField] = BitField("rate", 0, 20)
+
+
+class UartTxModeRegister(Register):
+    """Fields of uart_tx.mode."""
+
+    drive_delay: ClassVar[BitField] = BitField(
+        "drive_delay", 0, 4, unit="ClockLow periods", description="drive enable delay"
+    )
+    fifo_error: ClassVar[BitField] = BitField("fifo_error", 4, 1)
+    drive_auto: ClassVar[BitField] = BitField("drive_auto", 5, 1)
+    drive_enable: ClassVar[BitField] = BitField("drive_enable", 6, 1, description="manual drive enable")
+
+
+class UartTx(RegisterMap):
+    """UART transmitter, 16 entries.
+
+    Source: registers.md 2.12.
+    """
+
+    name: ClassVar[str] = "uart_tx"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x09,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=4,
+        instance_stride=16,
+        multiple_registers=0xF,
+    )
+    data: ClassVar[Register] = Register(
+        0,
+        "data",
+        "w",
+        per_instance=True,
+        write_effect="pushes an entry",
+        description="word n of four sends n + 1 bytes",
+    )
+    count: ClassVar[UartTxCountRegister] = UartTxCountRegister(
+        1,
+        "count",
+        "rw",
+        per_instance=True,
+        write_effect="clears the FIFO",
+        description="entries",
+        fields=(
+            UartTxCountRegister.count,
+            UartTxCountRegister.clear,
+        ),
+    )
+    bit_rate: ClassVar[UartTxBitRateRegister] = UartTxBitRateRegister(
+        2,
+        "bit_rate",
+        "rw",
+        per_instance=True,
+        description="bit rate = ClockLow * rate / 2^20",
+        fields=(UartTxBitRateRegister.rate,),
+    )
+    mode: ClassVar[UartTxModeRegister] = UartTxModeRegister(
+        3,
+        "mode",
+        "rw",
+        per_instance=True,
+        fields=(
+            UartTxModeRegister.drive_delay,
+            UartTxModeRegister.fifo_error,
+            UartTxModeRegister.drive_auto,
+            UartTxModeRegister.drive_enable,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data,
+        count,
+        bit_rate,
+        mode,
+    )
+
+
+class UartRxCountRegister(Register):
+    """Fields of uart_rx.count."""
+
+    count: ClassVar[BitField] = BitField("count", 0, 5, writable=False)
+    clear: ClassVar[BitField] = BitField("clear", 0, 32, readable=False)
+
+
+class UartRxBitRateRegister(Register):
+    """Fields of uart_rx.bit_rate."""
+
+    rate: ClassVar[BitField] = BitField("rate", 0, 20)
+
+
+class UartRxModeRegister(Register):
+    """Fields of uart_rx.mode."""
+
+    false_start: ClassVar[BitField] = BitField("false_start", 0, 1)
+    overrun: ClassVar[BitField] = BitField("overrun", 1, 1)
+    mask_enable: ClassVar[BitField] = BitField("mask_enable", 2, 1, description="half duplex")
+    fifo_error: ClassVar[BitField] = BitField("fifo_error", 4, 1)
+    lost_data: ClassVar[BitField] = BitField("lost_data", 5, 1)
+    masked: ClassVar[BitField] = BitField("masked", 6, 1)
+    has_data: ClassVar[BitField] = BitField("has_data", 7, 1)
+
+
+class UartRx(RegisterMap):
+    """UART receiver, 16 bytes.
+
+    Source: registers.md 2.12.
+    """
+
+    name: ClassVar[str] = "uart_rx"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x0A,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=4,
+        instance_stride=16,
+        multiple_registers=0xF,
+    )
+    data: ClassVar[Register] = Register(
+        0,
+        "data",
+        "r",
+        per_instance=True,
+        read_effect="pops bytes",
+        description="word n of four returns n + 1 bytes, right justified",
+    )
+    count: ClassVar[UartRxCountRegister] = UartRxCountRegister(
+        1,
+        "count",
+        "rw",
+        per_instance=True,
+        write_effect="clears the FIFO",
+        description="bytes",
+        fields=(
+            UartRxCountRegister.count,
+            UartRxCountRegister.clear,
+        ),
+    )
+    bit_rate: ClassVar[UartRxBitRateRegister] = UartRxBitRateRegister(
+        2,
+        "bit_rate",
+        "rw",
+        per_instance=True,
+        description="bit rate = ClockLow * rate / 2^20",
+        fields=(UartRxBitRateRegister.rate,),
+    )
+    mode: ClassVar[UartRxModeRegister] = UartRxModeRegister(
+        3,
+        "mode",
+        "rw",
+        per_instance=True,
+        fields=(
+            UartRxModeRegister.false_start,
+            UartRxModeRegister.overrun,
+            UartRxModeRegister.mask_enable,
+            UartRxModeRegister.fifo_error,
+            UartRxModeRegister.lost_data,
+            UartRxModeRegister.masked,
+            UartRxModeRegister.has_data,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data,
+        count,
+        bit_rate,
+        mode,
+    )
+
+
+class PktuartTxFrameCountRegister(Register):
+    """Fields of pktuart_tx.frame_count."""
+
+    bytes: ClassVar[BitField] = BitField("bytes", 0, 10)
+
+
+class PktuartTxBitRateRegister(Register):
+    """Fields of pktuart_tx.bit_rate."""
+
+    rate: ClassVar[BitField] = BitField("rate", 0, 24)
+
+
+class PktuartTxModeRegister(Register):
+    """Fields of pktuart_tx.mode."""
+
+    drive_delay: ClassVar[BitField] = BitField("drive_delay", 0, 4, unit="ClockLow periods")
+    frame_fifo_error: ClassVar[BitField] = BitField("frame_fifo_error", 4, 1)
+    drive_auto: ClassVar[BitField] = BitField("drive_auto", 5, 1)
+    drive_enable: ClassVar[BitField] = BitField("drive_enable", 6, 1)
+    busy: ClassVar[BitField] = BitField("busy", 7, 1, writable=False)
+    inter_frame: ClassVar[BitField] = BitField("inter_frame", 8, 8, unit="bit times")
+    frames_waiting: ClassVar[BitField] = BitField("frames_waiting", 16, 5, writable=False)
+    parity: ClassVar[BitField] = BitField("parity", 17, 1, readable=False)
+    parity_odd: ClassVar[BitField] = BitField("parity_odd", 18, 1, readable=False)
+    two_stop_bits: ClassVar[BitField] = BitField(
+        "two_stop_bits", 19, 1, readable=False, description="version 3"
+    )
+    inter_frame_x4: ClassVar[BitField] = BitField(
+        "inter_frame_x4", 20, 1, readable=False, description="inter-frame delay times 4, version 3"
+    )
+    has_data: ClassVar[BitField] = BitField("has_data", 21, 1, writable=False)
+
+
+class PktuartTx(RegisterMap):
+    """Packet UART transmitter: at most 16 frames.
+
+    Source: registers.md 2.13.
+    """
+
+    name: ClassVar[str] = "pktuart_tx"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x1B,
+        versions=(0, 1, 2, 3),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=4,
+        instance_stride=4,
+        multiple_registers=0xF,
+    )
+    data: ClassVar[Register] = Register(
+        0,
+        "data",
+        "w",
+        per_instance=True,
+        write_effect="pushes a word",
+        description="four bytes, first in the low byte",
+    )
+    frame_count: ClassVar[PktuartTxFrameCountRegister] = PktuartTxFrameCountRegister(
+        1,
+        "frame_count",
+        "rw",
+        per_instance=True,
+        write_effect="queues the frame",
+        description="bytes of the frame whose data was pushed",
+        fields=(PktuartTxFrameCountRegister.bytes,),
+    )
+    bit_rate: ClassVar[PktuartTxBitRateRegister] = PktuartTxBitRateRegister(
+        2,
+        "bit_rate",
+        "rw",
+        per_instance=True,
+        description="bit rate = ClockLow * rate / 2^20, 2^24 from version 2",
+        fields=(PktuartTxBitRateRegister.rate,),
+    )
+    mode: ClassVar[PktuartTxModeRegister] = PktuartTxModeRegister(
+        3,
+        "mode",
+        "rw",
+        per_instance=True,
+        description="bits 16..20 differ between write and read: no read-modify-write",
+        fields=(
+            PktuartTxModeRegister.drive_delay,
+            PktuartTxModeRegister.frame_fifo_error,
+            PktuartTxModeRegister.drive_auto,
+            PktuartTxModeRegister.drive_enable,
+            PktuartTxModeRegister.busy,
+            PktuartTxModeRegister.inter_frame,
+            PktuartTxModeRegister.frames_waiting,
+            PktuartTxModeRegister.parity,
+            PktuartTxModeRegister.parity_odd,
+            PktuartTxModeRegister.two_stop_bits,
+            PktuartTxModeRegister.inter_frame_x4,
+            PktuartTxModeRegister.has_data,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data,
+        frame_count,
+        bit_rate,
+        mode,
+    )
+
+
+class PktuartRxFrameCountRegister(Register):
+    """Fields of pktuart_rx.frame_count."""
+
+    bytes: ClassVar[BitField] = BitField("bytes", 0, 10, writable=False)
+    start_error: ClassVar[BitField] = BitField("start_error", 14, 1, writable=False)
+    overrun: ClassVar[BitField] = BitField("overrun", 15, 1, writable=False)
+    parity_error: ClassVar[BitField] = BitField("parity_error", 16, 1, writable=False)
+    longest_gap: ClassVar[BitField] = BitField(
+        "longest_gap",
+        24,
+        8,
+        writable=False,
+        unit="bit times",
+        description="longest gap between characters, version 3",
+    )
+
+
+class PktuartRxBitRateRegister(Register):
+    """Fields of pktuart_rx.bit_rate."""
+
+    rate: ClassVar[BitField] = BitField("rate", 0, 24)
+    filter_high: ClassVar[BitField] = BitField("filter_high", 24, 8, description="version 2")
+
+
+class PktuartRxModeRegister(Register):
+    """Fields of pktuart_rx.mode."""
+
+    start_error: ClassVar[BitField] = BitField("start_error", 0, 1)
+    overrun: ClassVar[BitField] = BitField("overrun", 1, 1)
+    mask_enable: ClassVar[BitField] = BitField("mask_enable", 2, 1)
+    receive_enable: ClassVar[BitField] = BitField("receive_enable", 3, 1)
+    frame_fifo_error: ClassVar[BitField] = BitField("frame_fifo_error", 4, 1)
+    parity_error: ClassVar[BitField] = BitField("parity_error", 5, 1)
+    masked: ClassVar[BitField] = BitField("masked", 6, 1, writable=False)
+    busy: ClassVar[BitField] = BitField("busy", 7, 1, writable=False)
+    inter_frame: ClassVar[BitField] = BitField("inter_frame", 8, 8, unit="bit times")
+    frames_waiting: ClassVar[BitField] = BitField("frames_waiting", 16, 5, writable=False)
+    parity: ClassVar[BitField] = BitField("parity", 17, 1, readable=False)
+    parity_odd: ClassVar[BitField] = BitField("parity_odd", 18, 1, readable=False)
+    two_stop_bits: ClassVar[BitField] = BitField("two_stop_bits", 19, 1, readable=False)
+    inter_frame_x4: ClassVar[BitField] = BitField("inter_frame_x4", 20, 1, readable=False)
+    has_data: ClassVar[BitField] = BitField("has_data", 21, 1, writable=False)
+    filter_low: ClassVar[BitField] = BitField("filter_low", 22, 8, description="input filter, low byte")
+    pop_error: ClassVar[BitField] = BitField("pop_error", 30, 1, writable=False)
+
+
+class PktuartRx(RegisterMap):
+    """Packet UART receiver.
+
+    Source: registers.md 2.13.
+    """
+
+    name: ClassVar[str] = "pktuart_rx"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x1C,
+        versions=(0, 1, 2, 3),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=4,
+        instance_stride=4,
+        multiple_registers=0xF,
+    )
+    data: ClassVar[Register] = Register(
+        0,
+        "data",
+        "r",
+        per_instance=True,
+        read_effect="pops a word",
+        description="four bytes, first in the low byte",
+    )
+    frame_count: ClassVar[PktuartRxFrameCountRegister] = PktuartRxFrameCountRegister(
+        1,
+        "frame_count",
+        "r",
+        per_instance=True,
+        read_effect="pops the frame's count",
+        description="the oldest frame",
+        fields=(
+            PktuartRxFrameCountRegister.bytes,
+            PktuartRxFrameCountRegister.start_error,
+            PktuartRxFrameCountRegister.overrun,
+            PktuartRxFrameCountRegister.parity_error,
+            PktuartRxFrameCountRegister.longest_gap,
+        ),
+    )
+    bit_rate: ClassVar[PktuartRxBitRateRegister] = PktuartRxBitRateRegister(
+        2,
+        "bit_rate",
+        "rw",
+        per_instance=True,
+        description="bit rate as for sending",
+        fields=(
+            PktuartRxBitRateRegister.rate,
+            PktuartRxBitRateRegister.filter_high,
+        ),
+    )
+    mode: ClassVar[PktuartRxModeRegister] = PktuartRxModeRegister(
+        3,
+        "mode",
+        "rw",
+        per_instance=True,
+        description="bits 16..20 differ between write and read: no read-modify-write",
+        fields=(
+            PktuartRxModeRegister.start_error,
+            PktuartRxModeRegister.overrun,
+            PktuartRxModeRegister.mask_enable,
+            PktuartRxModeRegister.receive_enable,
+            PktuartRxModeRegister.frame_fifo_error,
+            PktuartRxModeRegister.parity_error,
+            PktuartRxModeRegister.masked,
+            PktuartRxModeRegister.busy,
+            PktuartRxModeRegister.inter_frame,
+            PktuartRxModeRegister.frames_waiting,
+            PktuartRxModeRegister.parity,
+            PktuartRxModeRegister.parity_odd,
+            PktuartRxModeRegister.two_stop_bits,
+            PktuartRxModeRegister.inter_frame_x4,
+            PktuartRxModeRegister.has_data,
+            PktuartRxModeRegister.filter_low,
+            PktuartRxModeRegister.pop_error,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data,
+        frame_count,
+        bit_rate,
+        mode,
+    )
+
+
+class SsiControlRegister(Register):
+    """Fields of ssi.control."""
+
+    bits: ClassVar[BitField] = BitField("bits", 0, 7)
+    program_start: ClassVar[BitField] = BitField("program_start", 8, 1)
+    timer_start: ClassVar[BitField] = BitField("timer_start", 9, 1)
+    busy: ClassVar[BitField] = BitField("busy", 11, 1, writable=False)
+    timer: ClassVar[BitField] = BitField("timer", 12, 3, description="DPLL timer")
+    data_available: ClassVar[BitField] = BitField("data_available", 15, 1, writable=False)
+    rate: ClassVar[BitField] = BitField("rate", 16, 16, description="bit rate = ClockLow * rate / 65536")
+
+
+class SsiGlobalStartRegister(Register):
+    """Fields of ssi.global_start."""
+
+    busy: ClassVar[BitField] = BitField("busy", 0, 32, writable=False)
+    start: ClassVar[BitField] = BitField("start", 0, 32, readable=False, description="any value")
+
+
+class Ssi(RegisterMap):
+    """SSI absolute encoder.
+
+    Source: registers.md 2.14.
+    """
+
+    name: ClassVar[str] = "ssi"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x08,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=4,
+        instance_stride=4,
+        multiple_registers=0x3,
+    )
+    data0: ClassVar[Register] = Register(
+        0,
+        "data0",
+        "rw",
+        per_instance=True,
+        read_effect="clears data available",
+        write_effect="starts the channel",
+        description="data bits 31..0",
+    )
+    data1: ClassVar[Register] = Register(1, "data1", "r", per_instance=True, description="data bits 63..32")
+    control: ClassVar[SsiControlRegister] = SsiControlRegister(
+        2,
+        "control",
+        "rw",
+        per_instance=True,
+        fields=(
+            SsiControlRegister.bits,
+            SsiControlRegister.program_start,
+            SsiControlRegister.timer_start,
+            SsiControlRegister.busy,
+            SsiControlRegister.timer,
+            SsiControlRegister.data_available,
+            SsiControlRegister.rate,
+        ),
+    )
+    global_start: ClassVar[SsiGlobalStartRegister] = SsiGlobalStartRegister(
+        3,
+        "global_start",
+        "rw",
+        write_effect="starts every channel with program start set",
+        description="global start; busy flag per channel",
+        fields=(
+            SsiGlobalStartRegister.busy,
+            SsiGlobalStartRegister.start,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data0,
+        data1,
+        control,
+        global_start,
+    )
+
+
+class BissControl0Register(Register):
+    """Fields of biss.control0."""
+
+    bits: ClassVar[BitField] = BitField("bits", 0, 10)
+    filter: ClassVar[BitField] = BitField("filter", 10, 6, description="receive filter")
+    rate: ClassVar[BitField] = BitField("rate", 16, 16, description="bit rate = ClockLow * rate / 65536")
+
+
+class BissControl1Register(Register):
+    """Fields of biss.control1."""
+
+    timer_start: ClassVar[BitField] = BitField("timer_start", 8, 1, readable=False)
+    program_started: ClassVar[BitField] = BitField("program_started", 8, 1, writable=False)
+    program_start: ClassVar[BitField] = BitField("program_start", 9, 1, readable=False)
+    timer_started: ClassVar[BitField] = BitField("timer_started", 9, 1, writable=False)
+    timer: ClassVar[BitField] = BitField("timer", 12, 3, description="DPLL timer")
+    data_available: ClassVar[BitField] = BitField("data_available", 15, 1, writable=False)
+
+
+class BissGlobalStartRegister(Register):
+    """Fields of biss.global_start."""
+
+    busy: ClassVar[BitField] = BitField("busy", 0, 32, writable=False)
+    start: ClassVar[BitField] = BitField("start", 0, 32, readable=False, description="any value")
+
+
+class Biss(RegisterMap):
+    """BISS absolute encoder.
+
+    Source: registers.md 2.15.
+    """
+
+    name: ClassVar[str] = "biss"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x18,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=4,
+        instance_stride=4,
+        multiple_registers=0x7,
+    )
+    data: ClassVar[Register] = Register(
+        0,
+        "data",
+        "r",
+        per_instance=True,
+        read_effect="pops a word, clears data available",
+        description="data, low word first",
+    )
+    control0: ClassVar[BissControl0Register] = BissControl0Register(
+        1,
+        "control0",
+        "rw",
+        per_instance=True,
+        fields=(
+            BissControl0Register.bits,
+            BissControl0Register.filter,
+            BissControl0Register.rate,
+        ),
+    )
+    control1: ClassVar[BissControl1Register] = BissControl1Register(
+        2,
+        "control1",
+        "rw",
+        per_instance=True,
+        description="the start bits are written and read back swapped",
+        fields=(
+            BissControl1Register.timer_start,
+            BissControl1Register.program_started,
+            BissControl1Register.program_start,
+            BissControl1Register.timer_started,
+            BissControl1Register.timer,
+            BissControl1Register.data_available,
+        ),
+    )
+    global_start: ClassVar[BissGlobalStartRegister] = BissGlobalStartRegister(
+        3,
+        "global_start",
+        "rw",
+        write_effect="starts every channel with program start set",
+        description="global start; busy flag per channel",
+        fields=(
+            BissGlobalStartRegister.busy,
+            BissGlobalStartRegister.start,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data,
+        control0,
+        control1,
+        global_start,
+    )
+
+
+class FanucData2Register(Register):
+    """Fields of fanuc.data2."""
+
+    data_high: ClassVar[BitField] = BitField("data_high", 0, 12, writable=False)
+    request_width: ClassVar[BitField] = BitField("request_width", 14, 10)
+    bits: ClassVar[BitField] = BitField("bits", 24, 7)
+    cable_error: ClassVar[BitField] = BitField("cable_error", 31, 1, writable=False)
+
+
+class FanucControlRegister(Register):
+    """Fields of fanuc.control."""
+
+    program_start: ClassVar[BitField] = BitField("program_start", 8, 1)
+    timer_start: ClassVar[BitField] = BitField("timer_start", 9, 1)
+    receiving: ClassVar[BitField] = BitField("receiving", 10, 1, writable=False)
+    busy: ClassVar[BitField] = BitField("busy", 11, 1, writable=False)
+    timer: ClassVar[BitField] = BitField("timer", 12, 3, description="DPLL timer")
+    data_available: ClassVar[BitField] = BitField("data_available", 15, 1, writable=False)
+    setup: ClassVar[BitField] = BitField(
+        "setup", 24, 1, description="settings in data2 and rate may be written"
+    )
+
+
+class FanucRateRegister(Register):
+    """Fields of fanuc.rate."""
+
+    rate: ClassVar[BitField] = BitField("rate", 0, 20, description="bit rate = ClockLow * rate / 2^20")
+    filter: ClassVar[BitField] = BitField("filter", 28, 4)
+
+
+class FanucGlobalStartRegister(Register):
+    """Fields of fanuc.global_start."""
+
+    busy: ClassVar[BitField] = BitField("busy", 0, 32, writable=False)
+    start: ClassVar[BitField] = BitField("start", 0, 32, readable=False, description="any value")
+
+
+class Fanuc(RegisterMap):
+    """Fanuc absolute encoder.
+
+    Source: registers.md 2.16, 1.4.
+    """
+
+    name: ClassVar[str] = "fanuc"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x19,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=3,
+        instance_stride=4,
+        multiple_registers=0x1F,
+    )
+    data0: ClassVar[Register] = Register(
+        0, "data0", "r", per_instance=True, read_effect="clears data available", description="data bits 31..0"
+    )
+    data1: ClassVar[Register] = Register(1, "data1", "r", per_instance=True, description="data bits 63..32")
+    data2: ClassVar[FanucData2Register] = FanucData2Register(
+        2,
+        "data2",
+        "rw",
+        per_instance=True,
+        description="data bits 75..64 and settings, written while control.setup is set",
+        fields=(
+            FanucData2Register.data_high,
+            FanucData2Register.request_width,
+            FanucData2Register.bits,
+            FanucData2Register.cable_error,
+        ),
+    )
+    control: ClassVar[FanucControlRegister] = FanucControlRegister(
+        3,
+        "control",
+        "rw",
+        per_instance=True,
+        fields=(
+            FanucControlRegister.program_start,
+            FanucControlRegister.timer_start,
+            FanucControlRegister.receiving,
+            FanucControlRegister.busy,
+            FanucControlRegister.timer,
+            FanucControlRegister.data_available,
+            FanucControlRegister.setup,
+        ),
+    )
+    rate: ClassVar[FanucRateRegister] = FanucRateRegister(
+        4,
+        "rate",
+        "rw",
+        per_instance=True,
+        description="written while control.setup is set",
+        fields=(
+            FanucRateRegister.rate,
+            FanucRateRegister.filter,
+        ),
+    )
+    global_start: ClassVar[FanucGlobalStartRegister] = FanucGlobalStartRegister(
+        5,
+        "global_start",
+        "rw",
+        write_effect="starts every channel with program start set",
+        description="global start; busy flag per channel",
+        fields=(
+            FanucGlobalStartRegister.busy,
+            FanucGlobalStartRegister.start,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data0,
+        data1,
+        data2,
+        control,
+        rate,
+        global_start,
+    )
+
+
+class SsrRateRegister(Register):
+    """Fields of ssr.rate."""
+
+    divider: ClassVar[BitField] = BitField("divider", 0, 12)
+    enable: ClassVar[BitField] = BitField("enable", 12, 1)
+
+
+class Ssr(RegisterMap):
+    """Solid state relay outputs driven through a transformer.
+
+    Source: registers.md 2.17.
+    """
+
+    name: ClassVar[str] = "ssr"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0xC3,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    data: ClassVar[Register] = Register(0, "data", "rw", per_instance=True)
+    rate: ClassVar[SsrRateRegister] = SsrRateRegister(
+        1,
+        "rate",
+        "rw",
+        per_instance=True,
+        description="drive frequency = ClockLow / (divider + 2) / 2",
+        fields=(
+            SsrRateRegister.divider,
+            SsrRateRegister.enable,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data,
+        rate,
+    )
+
+
+class Outm(RegisterMap):
+    """Field outputs.
+
+    Source: registers.md 2.17.
+    """
+
+    name: ClassVar[str] = "outm"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x2D,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    data: ClassVar[Register] = Register(0, "data", "rw", per_instance=True)
+    registers: ClassVar[tuple[Register, ...]] = (data,)
+
+
+class InmControlRegister(Register):
+    """Fields of inm.control."""
+
+    scan_width: ClassVar[BitField] = BitField("scan_width", 0, 5, writable=False, description="inputs - 1")
+    invert: ClassVar[BitField] = BitField(
+        "invert", 5, 1, readable=False, description="global input invert; existing boards need 1"
+    )
+    divider: ClassVar[BitField] = BitField(
+        "divider", 6, 10, readable=False, description="scan rate = ClockLow / (4 * inputs * (divider + 1))"
+    )
+    fast_scans: ClassVar[BitField] = BitField("fast_scans", 16, 6, readable=False, unit="scans")
+    slow_scans: ClassVar[BitField] = BitField("slow_scans", 22, 10, readable=False, unit="scans")
+
+
+class InmMpgRegister(Register):
+    """Fields of inm.mpg."""
+
+    count_0: ClassVar[BitField] = BitField("count_0", 0, 8, writable=False)
+    mode_0: ClassVar[BitField] = BitField("mode_0", 0, 1, readable=False, description="0: 1x, 1: 4x")
+    count_1: ClassVar[BitField] = BitField("count_1", 8, 8, writable=False)
+    mode_1: ClassVar[BitField] = BitField("mode_1", 8, 1, readable=False)
+    count_2: ClassVar[BitField] = BitField("count_2", 16, 8, writable=False)
+    mode_2: ClassVar[BitField] = BitField("mode_2", 16, 1, readable=False)
+    count_3: ClassVar[BitField] = BitField("count_3", 24, 8, writable=False)
+    mode_3: ClassVar[BitField] = BitField("mode_3", 24, 1, readable=False)
+
+
+class Inm(RegisterMap):
+    """Field inputs with filters and up to four counters.
+
+    Source: registers.md 2.18.
+    """
+
+    name: ClassVar[str] = "inm"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x23,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    control: ClassVar[InmControlRegister] = InmControlRegister(
+        0,
+        "control",
+        "rw",
+        per_instance=True,
+        fields=(
+            InmControlRegister.scan_width,
+            InmControlRegister.invert,
+            InmControlRegister.divider,
+            InmControlRegister.fast_scans,
+            InmControlRegister.slow_scans,
+        ),
+    )
+    filter: ClassVar[Register] = Register(
+        1, "filter", "rw", per_instance=True, description="1 selects the slow filter"
+    )
+    filtered: ClassVar[Register] = Register(2, "filtered", "r", per_instance=True)
+    raw: ClassVar[Register] = Register(3, "raw", "r", per_instance=True)
+    mpg: ClassVar[InmMpgRegister] = InmMpgRegister(
+        4,
+        "mpg",
+        "rw",
+        per_instance=True,
+        description="four 8-bit counters; modes",
+        fields=(
+            InmMpgRegister.count_0,
+            InmMpgRegister.mode_0,
+            InmMpgRegister.count_1,
+            InmMpgRegister.mode_1,
+            InmMpgRegister.count_2,
+            InmMpgRegister.mode_2,
+            InmMpgRegister.count_3,
+            InmMpgRegister.mode_3,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        control,
+        filter,
+        filtered,
+        raw,
+        mpg,
+    )
+
+
+class InmuxControlRegister(Register):
+    """Fields of inmux.control."""
+
+    scan_width: ClassVar[BitField] = BitField("scan_width", 0, 5, writable=False, description="inputs - 1")
+    invert: ClassVar[BitField] = BitField(
+        "invert", 5, 1, readable=False, description="global input invert; existing boards need 1"
+    )
+    divider: ClassVar[BitField] = BitField(
+        "divider", 6, 10, readable=False, description="scan rate = ClockLow / (4 * inputs * (divider + 1))"
+    )
+    fast_scans: ClassVar[BitField] = BitField("fast_scans", 16, 6, readable=False, unit="scans")
+    slow_scans: ClassVar[BitField] = BitField("slow_scans", 22, 10, readable=False, unit="scans")
+
+
+class InmuxMpgRegister(Register):
+    """Fields of inmux.mpg."""
+
+    count_0: ClassVar[BitField] = BitField("count_0", 0, 8, writable=False)
+    mode_0: ClassVar[BitField] = BitField("mode_0", 0, 1, readable=False, description="0: 1x, 1: 4x")
+    count_1: ClassVar[BitField] = BitField("count_1", 8, 8, writable=False)
+    mode_1: ClassVar[BitField] = BitField("mode_1", 8, 1, readable=False)
+    count_2: ClassVar[BitField] = BitField("count_2", 16, 8, writable=False)
+    mode_2: ClassVar[BitField] = BitField("mode_2", 16, 1, readable=False)
+    count_3: ClassVar[BitField] = BitField("count_3", 24, 8, writable=False)
+    mode_3: ClassVar[BitField] = BitField("mode_3", 24, 1, readable=False)
+
+
+class Inmux(RegisterMap):
+    """Multiplexed field inputs with filters and up to four counters.
+
+    Source: registers.md 2.18.
+    """
+
+    name: ClassVar[str] = "inmux"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x1E,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    control: ClassVar[InmuxControlRegister] = InmuxControlRegister(
+        0,
+        "control",
+        "rw",
+        per_instance=True,
+        fields=(
+            InmuxControlRegister.scan_width,
+            InmuxControlRegister.invert,
+            InmuxControlRegister.divider,
+            InmuxControlRegister.fast_scans,
+            InmuxControlRegister.slow_scans,
+        ),
+    )
+    filter: ClassVar[Register] = Register(
+        1, "filter", "rw", per_instance=True, description="1 selects the slow filter"
+    )
+    filtered: ClassVar[Register] = Register(2, "filtered", "r", per_instance=True)
+    raw: ClassVar[Register] = Register(3, "raw", "r", per_instance=True)
+    mpg: ClassVar[InmuxMpgRegister] = InmuxMpgRegister(
+        4,
+        "mpg",
+        "rw",
+        per_instance=True,
+        description="four 8-bit counters; modes",
+        fields=(
+            InmuxMpgRegister.count_0,
+            InmuxMpgRegister.mode_0,
+            InmuxMpgRegister.count_1,
+            InmuxMpgRegister.mode_1,
+            InmuxMpgRegister.count_2,
+            InmuxMpgRegister.mode_2,
+            InmuxMpgRegister.count_3,
+            InmuxMpgRegister.mode_3,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        control,
+        filter,
+        filtered,
+        raw,
+        mpg,
+    )
+
+
+class OneshotWidth1Register(Register):
+    """Fields of oneshot.width1."""
+
+    periods: ClassVar[BitField] = BitField("periods", 0, 31)
+
+
+class OneshotWidth2Register(Register):
+    """Fields of oneshot.width2."""
+
+    periods: ClassVar[BitField] = BitField("periods", 0, 31)
+
+
+class OneshotFilter1Register(Register):
+    """Fields of oneshot.filter1."""
+
+    periods: ClassVar[BitField] = BitField("periods", 0, 24)
+
+
+class OneshotFilter2Register(Register):
+    """Fields of oneshot.filter2."""
+
+    periods: ClassVar[BitField] = BitField("periods", 0, 24)
+
+
+class OneshotControlRegister(Register):
+    """Fields of oneshot.control."""
+
+    trigger_1: ClassVar[BitField] = BitField("trigger_1", 0, 3)
+    rise_1: ClassVar[BitField] = BitField("rise_1", 3, 1)
+    fall_1: ClassVar[BitField] = BitField("fall_1", 4, 1)
+    retrigger_1: ClassVar[BitField] = BitField("retrigger_1", 5, 1)
+    enable_1: ClassVar[BitField] = BitField("enable_1", 6, 1)
+    reset_1: ClassVar[BitField] = BitField("reset_1", 7, 1)
+    output_1: ClassVar[BitField] = BitField("output_1", 8, 1, writable=False)
+    external_1: ClassVar[BitField] = BitField("external_1", 9, 1, writable=False)
+    software_trigger_1: ClassVar[BitField] = BitField("software_trigger_1", 10, 1, readable=False)
+    timer_1: ClassVar[BitField] = BitField("timer_1", 12, 3, description="DPLL timer")
+    trigger_2: ClassVar[BitField] = BitField("trigger_2", 16, 3)
+    rise_2: ClassVar[BitField] = BitField("rise_2", 19, 1)
+    fall_2: ClassVar[BitField] = BitField("fall_2", 20, 1)
+    retrigger_2: ClassVar[BitField] = BitField("retrigger_2", 21, 1)
+    enable_2: ClassVar[BitField] = BitField("enable_2", 22, 1)
+    reset_2: ClassVar[BitField] = BitField("reset_2", 23, 1)
+    output_2: ClassVar[BitField] = BitField("output_2", 24, 1, writable=False)
+    external_2: ClassVar[BitField] = BitField("external_2", 25, 1, writable=False)
+    software_trigger_2: ClassVar[BitField] = BitField("software_trigger_2", 26, 1, readable=False)
+    timer_2: ClassVar[BitField] = BitField("timer_2", 28, 3, description="DPLL timer")
+
+
+class Oneshot(RegisterMap):
+    """Two pulse timers.
+
+    Source: registers.md 2.19.
+    """
+
+    name: ClassVar[str] = "oneshot"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0xC7,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=6,
+        instance_stride=4,
+        multiple_registers=0x3F,
+    )
+    width1: ClassVar[OneshotWidth1Register] = OneshotWidth1Register(
+        0, "width1", "rw", per_instance=True, unit="ClockLow periods", fields=(OneshotWidth1Register.periods,)
+    )
+    width2: ClassVar[OneshotWidth2Register] = OneshotWidth2Register(
+        1, "width2", "rw", per_instance=True, unit="ClockLow periods", fields=(OneshotWidth2Register.periods,)
+    )
+    filter1: ClassVar[OneshotFilter1Register] = OneshotFilter1Register(
+        2,
+        "filter1",
+        "rw",
+        per_instance=True,
+        unit="ClockLow periods",
+        fields=(OneshotFilter1Register.periods,),
+    )
+    filter2: ClassVar[OneshotFilter2Register] = OneshotFilter2Register(
+        3,
+        "filter2",
+        "rw",
+        per_instance=True,
+        unit="ClockLow periods",
+        fields=(OneshotFilter2Register.periods,),
+    )
+    rate: ClassVar[Register] = Register(
+        4, "rate", "rw", per_instance=True, unit="ClockLow / 2^32", description="trigger rate"
+    )
+    control: ClassVar[OneshotControlRegister] = OneshotControlRegister(
+        5,
+        "control",
+        "rw",
+        per_instance=True,
+        fields=(
+            OneshotControlRegister.trigger_1,
+            OneshotControlRegister.rise_1,
+            OneshotControlRegister.fall_1,
+            OneshotControlRegister.retrigger_1,
+            OneshotControlRegister.enable_1,
+            OneshotControlRegister.reset_1,
+            OneshotControlRegister.output_1,
+            OneshotControlRegister.external_1,
+            OneshotControlRegister.software_trigger_1,
+            OneshotControlRegister.timer_1,
+            OneshotControlRegister.trigger_2,
+            OneshotControlRegister.rise_2,
+            OneshotControlRegister.fall_2,
+            OneshotControlRegister.retrigger_2,
+            OneshotControlRegister.enable_2,
+            OneshotControlRegister.reset_2,
+            OneshotControlRegister.output_2,
+            OneshotControlRegister.external_2,
+            OneshotControlRegister.software_trigger_2,
+            OneshotControlRegister.timer_2,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        width1,
+        width2,
+        filter1,
+        filter2,
+        rate,
+        control,
+    )
+
+
+class PeriodModeRegister(Register):
+    """Fields of period.mode."""
+
+    polarity: ClassVar[BitField] = BitField("polarity", 0, 1, readable=False)
+    valid: ClassVar[BitField] = BitField("valid", 1, 1, writable=False)
+    input: ClassVar[BitField] = BitField("input", 2, 1, writable=False)
+    averages: ClassVar[BitField] = BitField("averages", 4, 12, readable=False, description="averages - 1")
+    filter: ClassVar[BitField] = BitField("filter", 16, 16, readable=False, unit="ClockLow periods")
+
+
+class Period(RegisterMap):
+    """Period and width of a signal.
+
+    Source: registers.md 2.20.
+    """
+
+    name: ClassVar[str] = "period"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0xC8,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=4,
+        instance_stride=4,
+        multiple_registers=0xF,
+    )
+    mode: ClassVar[PeriodModeRegister] = PeriodModeRegister(
+        0,
+        "mode",
+        "rw",
+        per_instance=True,
+        fields=(
+            PeriodModeRegister.polarity,
+            PeriodModeRegister.valid,
+            PeriodModeRegister.input,
+            PeriodModeRegister.averages,
+            PeriodModeRegister.filter,
+        ),
+    )
+    period: ClassVar[Register] = Register(
+        1, "period", "r", per_instance=True, unit="ClockLow periods", description="sum over the averages"
+    )
+    width: ClassVar[Register] = Register(
+        2, "width", "r", per_instance=True, unit="ClockLow periods", description="high time"
+    )
+    limit: ClassVar[Register] = Register(
+        3,
+        "limit",
+        "rw",
+        per_instance=True,
+        unit="ClockLow periods",
+        description="time without an edge after which the value is not valid",
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        mode,
+        period,
+        width,
+        limit,
+    )
+
+
+class RcpwmWidthRegister(Register):
+    """Fields of rcpwm.width."""
+
+    periods: ClassVar[BitField] = BitField("periods", 0, 16, readable=False)
+
+
+class Rcpwm(RegisterMap):
+    """Servo pulses as in radio control.
+
+    Source: registers.md 2.21.
+    """
+
+    name: ClassVar[str] = "rcpwm"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x2C,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    width: ClassVar[RcpwmWidthRegister] = RcpwmWidthRegister(
+        0,
+        "width",
+        "w",
+        per_instance=True,
+        unit="16 ClockLow periods",
+        description="pulse width - 1",
+        fields=(RcpwmWidthRegister.periods,),
+    )
+    rate: ClassVar[Register] = Register(1, "rate", "w", unit="ClockLow periods", description="repetition - 2")
+    registers: ClassVar[tuple[Register, ...]] = (
+        width,
+        rate,
+    )
+
+
+class Xy2modModeRegister(Register):
+    """Fields of xy2mod.mode."""
+
+    control_x: ClassVar[BitField] = BitField("control_x", 0, 3)
+    control_y: ClassVar[BitField] = BitField("control_y", 3, 3)
+    overflow_x: ClassVar[BitField] = BitField("overflow_x", 6, 1)
+    overflow_y: ClassVar[BitField] = BitField("overflow_y", 7, 1)
+    velocity_overflow_x: ClassVar[BitField] = BitField("velocity_overflow_x", 8, 1)
+    velocity_overflow_y: ClassVar[BitField] = BitField("velocity_overflow_y", 9, 1)
+    bits18_x: ClassVar[BitField] = BitField("bits18_x", 10, 1)
+    bits18_y: ClassVar[BitField] = BitField("bits18_y", 11, 1)
+    command_mode_x: ClassVar[BitField] = BitField("command_mode_x", 12, 1)
+    command_mode_y: ClassVar[BitField] = BitField("command_mode_y", 13, 1)
+
+
+class Xy2modCommandRegister(Register):
+    """Fields of xy2mod.command."""
+
+    x: ClassVar[BitField] = BitField("x", 0, 16)
+    y: ClassVar[BitField] = BitField("y", 16, 16)
+
+
+class Xy2modStatusRegister(Register):
+    """Fields of xy2mod.status."""
+
+    status_bits: ClassVar[BitField] = BitField("status_bits", 0, 20, writable=False)
+
+
+class Xy2modReadTimerRegister(Register):
+    """Fields of xy2mod.read_timer."""
+
+    timer: ClassVar[BitField] = BitField("timer", 12, 3, description="0: reference, 1..4")
+    enable: ClassVar[BitField] = BitField("enable", 15, 1)
+
+
+class Xy2modWriteTimerRegister(Register):
+    """Fields of xy2mod.write_timer."""
+
+    timer: ClassVar[BitField] = BitField("timer", 12, 3, description="0: reference, 1..4")
+    enable: ClassVar[BitField] = BitField("enable", 15, 1)
+
+
+class Xy2mod(RegisterMap):
+    """XY2-100 galvanometer interface.
+
+    Source: registers.md 2.22.
+    """
+
+    name: ClassVar[str] = "xy2mod"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x2B,
+        versions=(0,),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=11,
+        instance_stride=4,
+        multiple_registers=0x1FF,
+    )
+    acceleration_x: ClassVar[Register] = Register(
+        0, "acceleration_x", "rw", per_instance=True, description="signed"
+    )
+    acceleration_y: ClassVar[Register] = Register(
+        1, "acceleration_y", "rw", per_instance=True, description="signed"
+    )
+    velocity_x: ClassVar[Register] = Register(2, "velocity_x", "rw", per_instance=True, description="signed")
+    velocity_y: ClassVar[Register] = Register(3, "velocity_y", "rw", per_instance=True, description="signed")
+    position_x: ClassVar[Register] = Register(4, "position_x", "rw", per_instance=True, description="signed")
+    position_y: ClassVar[Register] = Register(5, "position_y", "rw", per_instance=True, description="signed")
+    mode: ClassVar[Xy2modModeRegister] = Xy2modModeRegister(
+        6,
+        "mode",
+        "rw",
+        per_instance=True,
+        fields=(
+            Xy2modModeRegister.control_x,
+            Xy2modModeRegister.control_y,
+            Xy2modModeRegister.overflow_x,
+            Xy2modModeRegister.overflow_y,
+            Xy2modModeRegister.velocity_overflow_x,
+            Xy2modModeRegister.velocity_overflow_y,
+            Xy2modModeRegister.bits18_x,
+            Xy2modModeRegister.bits18_y,
+            Xy2modModeRegister.command_mode_x,
+            Xy2modModeRegister.command_mode_y,
+        ),
+    )
+    command: ClassVar[Xy2modCommandRegister] = Xy2modCommandRegister(
+        7,
+        "command",
+        "rw",
+        per_instance=True,
+        fields=(
+            Xy2modCommandRegister.x,
+            Xy2modCommandRegister.y,
+        ),
+    )
+    status: ClassVar[Xy2modStatusRegister] = Xy2modStatusRegister(
+        8, "status", "r", per_instance=True, fields=(Xy2modStatusRegister.status_bits,)
+    )
+    read_timer: ClassVar[Xy2modReadTimerRegister] = Xy2modReadTimerRegister(
+        9,
+        "read_timer",
+        "rw",
+        fields=(
+            Xy2modReadTimerRegister.timer,
+            Xy2modReadTimerRegister.enable,
+        ),
+    )
+    write_timer: ClassVar[Xy2modWriteTimerRegister] = Xy2modWriteTimerRegister(
+        10,
+        "write_timer",
+        "rw",
+        fields=(
+            Xy2modWriteTimerRegister.timer,
+            Xy2modWriteTimerRegister.enable,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        acceleration_x,
+        acceleration_y,
+        velocity_x,
+        velocity_y,
+        position_x,
+        position_y,
+        mode,
+        command,
+        status,
+        read_timer,
+        write_timer,
+    )
+
+
+class IrqStatusRegister(Register):
+    """Fields of irq.status."""
+
+    flag: ClassVar[BitField] = BitField("flag", 0, 1, description="set on the source's falling edge")
+    mask_bit: ClassVar[BitField] = BitField("mask_bit", 1, 1, description="1 enables")
+    source_select: ClassVar[BitField] = BitField("source_select", 2, 3)
+
+
+class Irq(RegisterMap):
+    """Interrupt of PCI cards, from the address of its divider.
+
+    Source: registers.md 2.23; card_observed.md 1, 8.
+    """
+
+    name: ClassVar[str] = "irq"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x01,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    divider: ClassVar[Register] = Register(0, "divider", "w", description="older variant: divider - 2")
+    status: ClassVar[IrqStatusRegister] = IrqStatusRegister(
+        1,
+        "status",
+        "rw",
+        description="flag and mask both set assert the interrupt",
+        fields=(
+            IrqStatusRegister.flag,
+            IrqStatusRegister.mask_bit,
+            IrqStatusRegister.source_select,
+        ),
+    )
+    clear: ClassVar[Register] = Register(2, "clear", "w", write_effect="any value clears the flag")
+    registers: ClassVar[tuple[Register, ...]] = (
+        divider,
+        status,
+        clear,
+    )
+
+
+class DmdmaModeRegister(Register):
+    """Fields of dmdma.mode."""
+
+    enable: ClassVar[BitField] = BitField("enable", 0, 1)
+    request: ClassVar[BitField] = BitField("request", 1, 1, writable=False)
+    sources: ClassVar[BitField] = BitField("sources", 16, 16, description="mask of sources")
+
+
+class Dmdma(RegisterMap):
+    """Demand-mode DMA.
+
+    Source: registers.md 2.24.
+    """
+
+    name: ClassVar[str] = "dmdma"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x17,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    mode: ClassVar[DmdmaModeRegister] = DmdmaModeRegister(
+        0,
+        "mode",
+        "rw",
+        fields=(
+            DmdmaModeRegister.enable,
+            DmdmaModeRegister.request,
+            DmdmaModeRegister.sources,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (mode,)
+
+
+class TramEntryRegister(Register):
+    """Fields of tram.entry."""
+
+    address: ClassVar[BitField] = BitField("address", 0, 15)
+    strobe: ClassVar[BitField] = BitField("strobe", 15, 1, description="EPP and USB")
+
+
+class Tram(RegisterMap):
+    """Address translation: 256 addresses and a window of 256 bytes.
+
+    Source: registers.md 2.24.
+    """
+
+    name: ClassVar[str] = "tram"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x0B,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    entry: ClassVar[TramEntryRegister] = TramEntryRegister(
+        0,
+        "entry",
+        "rw",
+        fields=(
+            TramEntryRegister.address,
+            TramEntryRegister.strobe,
+        ),
+    )
+    window: ClassVar[Register] = Register(4, "window", "rw", description="translated access")
+    registers: ClassVar[tuple[Register, ...]] = (
+        entry,
+        window,
+    )
+
+
+class DaqFifoCountRegister(Register):
+    """Fields of daq_fifo.count."""
+
+    words: ClassVar[BitField] = BitField("words", 0, 16, writable=False)
+    clear: ClassVar[BitField] = BitField("clear", 0, 16, readable=False)
+    odd: ClassVar[BitField] = BitField("odd", 24, 1, writable=False, description="an odd half word")
+
+
+class DaqFifoModeRegister(Register):
+    """Fields of daq_fifo.mode."""
+
+    strobe_polarity: ClassVar[BitField] = BitField("strobe_polarity", 0, 1)
+    underflow: ClassVar[BitField] = BitField("underflow", 1, 1)
+    overflow: ClassVar[BitField] = BitField("overflow", 2, 1)
+    request: ClassVar[BitField] = BitField("request", 3, 1)
+    threshold: ClassVar[BitField] = BitField("threshold", 16, 16)
+
+
+class DaqFifo(RegisterMap):
+    """Data acquisition FIFO.
+
+    Source: registers.md 2.24.
+    """
+
+    name: ClassVar[str] = "daq_fifo"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x15,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    data: ClassVar[Register] = Register(0, "data", "r", per_instance=True, read_effect="pops a word")
+    count: ClassVar[DaqFifoCountRegister] = DaqFifoCountRegister(
+        1,
+        "count",
+        "rw",
+        per_instance=True,
+        write_effect="clears the FIFO",
+        fields=(
+            DaqFifoCountRegister.words,
+            DaqFifoCountRegister.clear,
+            DaqFifoCountRegister.odd,
+        ),
+    )
+    mode: ClassVar[DaqFifoModeRegister] = DaqFifoModeRegister(
+        2,
+        "mode",
+        "rw",
+        per_instance=True,
+        fields=(
+            DaqFifoModeRegister.strobe_polarity,
+            DaqFifoModeRegister.underflow,
+            DaqFifoModeRegister.overflow,
+            DaqFifoModeRegister.request,
+            DaqFifoModeRegister.threshold,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        data,
+        count,
+        mode,
+    )
+
+
+class TwiddlerCommandRegister(Register):
+    """Fields of twiddler.command."""
+
+    parameter: ClassVar[BitField] = BitField("parameter", 0, 12)
+    doit: ClassVar[BitField] = BitField("doit", 13, 1)
+    reset: ClassVar[BitField] = BitField("reset", 14, 1)
+    write: ClassVar[BitField] = BitField("write", 15, 1)
+
+
+class TwiddlerDataRegister(Register):
+    """Fields of twiddler.data."""
+
+    byte_value: ClassVar[BitField] = BitField("byte_value", 0, 8)
+
+
+class Twiddler(RegisterMap):
+    """I/O processor.
+
+    Source: registers.md 2.24.
+    """
+
+    name: ClassVar[str] = "twiddler"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0xC2,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    command: ClassVar[TwiddlerCommandRegister] = TwiddlerCommandRegister(
+        0,
+        "command",
+        "rw",
+        per_instance=True,
+        fields=(
+            TwiddlerCommandRegister.parameter,
+            TwiddlerCommandRegister.doit,
+            TwiddlerCommandRegister.reset,
+            TwiddlerCommandRegister.write,
+        ),
+    )
+    data: ClassVar[TwiddlerDataRegister] = TwiddlerDataRegister(
+        1, "data", "rw", per_instance=True, fields=(TwiddlerDataRegister.byte_value,)
+    )
+    host: ClassVar[Register] = Register(2, "host", "rw", per_instance=True, description="four host registers")
+    registers: ClassVar[tuple[Register, ...]] = (
+        command,
+        data,
+        host,
+    )
+
+
+class SpiControlRegister(Register):
+    """Fields of spi.control."""
+
+    bits: ClassVar[BitField] = BitField("bits", 0, 6, description="bits - 1")
+    cpol: ClassVar[BitField] = BitField("cpol", 6, 1)
+    cpha: ClassVar[BitField] = BitField("cpha", 7, 1)
+    keep_frame: ClassVar[BitField] = BitField("keep_frame", 8, 1)
+    busy: ClassVar[BitField] = BitField("busy", 30, 1, writable=False)
+    data_valid: ClassVar[BitField] = BitField("data_valid", 31, 1, writable=False)
+
+
+class Spi(RegisterMap):
+    """Simple SPI.
+
+    Source: registers.md 2.24.
+    """
+
+    name: ClassVar[str] = "spi"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x07,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    data: ClassVar[Register] = Register(
+        0, "data", "rw", per_instance=True, write_effect="starts a transfer", description="shift register"
+    )
+    control: ClassVar[SpiControlRegister] = SpiControlRegister(
+        1,
+        "control",
+        "rw",
+        per_instance=True,
+        fields=(
+            SpiControlRegister.bits,
+            SpiControlRegister.cpol,
+            SpiControlRegister.cpha,
+            SpiControlRegister.keep_frame,
+            SpiControlRegister.busy,
+            SpiControlRegister.data_valid,
+        ),
+    )
+    rate: ClassVar[Register] = Register(2, "rate", "rw", per_instance=True, description="rate divider")
+    registers: ClassVar[tuple[Register, ...]] = (
+        data,
+        control,
+        rate,
+    )
+
+
+class WavegenDataRegister(Register):
+    """Fields of wavegen.data."""
+
+    sample: ClassVar[BitField] = BitField("sample", 0, 12, readable=False)
+    triggers: ClassVar[BitField] = BitField("triggers", 12, 4, readable=False)
+
+
+class Wavegen(RegisterMap):
+    """Waveform generator on ClockHigh.
+
+    Source: registers.md 2.24.
+    """
+
+    name: ClassVar[str] = "wavegen"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x14,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    rate: ClassVar[Register] = Register(
+        0, "rate", "w", per_instance=True, unit="ClockHigh / 2^32", description="sample rate"
+    )
+    pdm_rate: ClassVar[Register] = Register(1, "pdm_rate", "w", per_instance=True)
+    length: ClassVar[Register] = Register(2, "length", "w", per_instance=True)
+    pointer: ClassVar[Register] = Register(3, "pointer", "w", per_instance=True, description="table pointer")
+    data: ClassVar[WavegenDataRegister] = WavegenDataRegister(
+        4,
+        "data",
+        "w",
+        per_instance=True,
+        fields=(
+            WavegenDataRegister.sample,
+            WavegenDataRegister.triggers,
+        ),
+    )
+    registers: ClassVar[tuple[Register, ...]] = (
+        rate,
+        pdm_rate,
+        length,
+        pointer,
+        data,
+    )
+
+
+class BinoscControlRegister(Register):
+    """Fields of binosc.control."""
+
+    enable: ClassVar[BitField] = BitField("enable", 0, 1)
+
+
+class Binosc(RegisterMap):
+    """Binary oscillator.
+
+    Source: registers.md 2.24.
+    """
+
+    name: ClassVar[str] = "binosc"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x16,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    control: ClassVar[BinoscControlRegister] = BinoscControlRegister(
+        0, "control", "rw", per_instance=True, fields=(BinoscControlRegister.enable,)
+    )
+    registers: ClassVar[tuple[Register, ...]] = (control,)
+
+
+class Scaler(RegisterMap):
+    """Scaler counter.
+
+    Source: registers.md 2.24.
+    """
+
+    name: ClassVar[str] = "scaler"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x1D,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    count: ClassVar[Register] = Register(0, "count", "r", per_instance=True)
+    latch: ClassVar[Register] = Register(1, "latch", "r", per_instance=True)
+    timer: ClassVar[Register] = Register(2, "timer", "r")
+    registers: ClassVar[tuple[Register, ...]] = (
+        count,
+        latch,
+        timer,
+    )
+
+
+class Sigma5(RegisterMap):
+    """Sigma 5 encoder: five registers whose meaning is not documented.
+
+    Source: registers.md 2.24.
+    """
+
+    name: ClassVar[str] = "sigma5"
+    stride: ClassVar[int] = 256
+    descriptor: ClassVar[AcceptedDescriptor | None] = AcceptedDescriptor(
+        gtag=0x1F,
+        versions=(),
+        faulty_versions=(),
+        fault_note="",
+        num_registers=0,
+        instance_stride=0,
+        multiple_registers=0x0,
+    )
+    register0: ClassVar[Register] = Register(0, "register0", "rw", per_instance=True)
+    register1: ClassVar[Register] = Register(1, "register1", "rw", per_instance=True)
+    register2: ClassVar[Register] = Register(2, "register2", "rw", per_instance=True)
+    register3: ClassVar[Register] = Register(3, "register3", "rw", per_instance=True)
+    register4: ClassVar[Register] = Register(4, "register4", "rw", per_instance=True)
+    registers: ClassVar[tuple[Register, ...]] = (
+        register0,
+        register1,
+        register2,
+        register3,
+        register4,
+    )
+
+
 MODULES: Mapping[int, type[RegisterMap]] = {
     0xC1: Sserial,
     0xC6: SserialB,
@@ -2834,5 +5227,34 @@ MODULES: Mapping[int, type[RegisterMap]] = {
     0x05: Stepgen,
     0x06: Pwmgen,
     0x1A: Dpll,
+    0x13: TpPwm,
+    0xC0: Resolver,
+    0x0E: Bspi,
+    0x0F: Dbspi,
+    0x09: UartTx,
+    0x0A: UartRx,
+    0x1B: PktuartTx,
+    0x1C: PktuartRx,
+    0x08: Ssi,
+    0x18: Biss,
+    0x19: Fanuc,
+    0xC3: Ssr,
+    0x2D: Outm,
+    0x23: Inm,
+    0x1E: Inmux,
+    0xC7: Oneshot,
+    0xC8: Period,
+    0x2C: Rcpwm,
+    0x2B: Xy2mod,
+    0x01: Irq,
+    0x17: Dmdma,
+    0x0B: Tram,
+    0x15: DaqFifo,
+    0xC2: Twiddler,
+    0x07: Spi,
+    0x14: Wavegen,
+    0x16: Binosc,
+    0x1D: Scaler,
+    0x1F: Sigma5,
 }
 """The register map of every GTAG we know."""

@@ -21,7 +21,8 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 FILES = [  # in order of use: what a file needs comes before it
     "properties", "idrom", "sslbp", "lbp", "sserial", "ioport", "watchdog", "led", "encoder",
-    "stepgen", "pwmgen", "dpll", "lbp16",
+    "stepgen", "pwmgen", "dpll", "lbp16", "tp_pwm", "resolver", "bspi", "uart", "pktuart",
+    "absolute_encoder", "field_io", "pulse", "xy2mod", "service",
 ]  # fmt: skip
 PYTHON_RESERVED = {"number", "name", "access", "width", "fields", "unit", "field", "decode", "readable", "writable",
                    "per_instance", "per_channel", "read_effect", "write_effect", "description"}  # fmt: skip
