@@ -394,5 +394,116 @@ int hm2_emulator_pin_drive(hm2_emulator *card, int pin, int level);
 int hm2_emulator_pin_level(hm2_emulator *card, int pin); /* HM2_LEVEL_*; HM2_ERR_RANGE */
 uint32_t hm2_emulator_leds(const hm2_emulator *card);    /* bit n: LED CRn+1 is lit */
 int hm2_emulator_interrupt(hm2_emulator *card);          /* 1: INT is asserted */
+/* ---- encoders (encoder.c, encoder_index.c): 16-bit counts and timestamps made whole ------- */
+
+/* TSCount of one encoder module, extended past its 16 bits with the host's clock. */
+typedef struct hm2_timebase {
+	double seconds_per_tick; /* (TSDiv + 2) / ClockLow; set by the caller, > 0 */
+	int64_t ticks;           /* TSCount, extended */
+	int64_t now_ns;          /* host time of the last update */
+	int32_t valid;           /* 0 until the first update */
+} hm2_timebase;
+
+void hm2_timebase_update(hm2_timebase *timebase, uint32_t timestamp_count, int64_t now_ns);
+
+enum hm2_encoder_request {
+	HM2_ENCODER_NONE = 0,
+	HM2_ENCODER_INDEX = 1,  /* latch at the index, count 0 there */
+	HM2_ENCODER_LATCH = 2,  /* latch at the index, count untouched */
+	HM2_ENCODER_PROBE = 3   /* latch at the probe input, count untouched */
+};
+
+/* One encoder; the caller owns it and zeroes it first. The driver is level-triggered: control_word is
+ * what CCR shall read back, and it is written again until it does, so a lost write repairs itself. */
+typedef struct hm2_encoder {
+	/* settings */
+	double scale;             /* counts per unit, not 0 */
+	double velocity_timeout;  /* seconds without a count after which the velocity is 0 */
+	uint32_t settings;        /* CCR: polarity, filter, mode, masks, probe polarity; no latch bits */
+	uint32_t readable;        /* CCR bits the hardware drives (versions without probe leave 13, 12) */
+	int32_t request;          /* enum hm2_encoder_request; becomes NONE when the event has come */
+	/* results */
+	int64_t raw_count;        /* counts since the first update, from the register's value then */
+	int64_t zero;             /* raw_count at count 0 */
+	int64_t latched;          /* raw_count at the last index or probe event */
+	uint64_t events;          /* index and probe events so far */
+	double position;          /* units */
+	double interpolated;      /* units, carried on at the velocity since the last count */
+	double velocity;          /* units per second */
+	uint32_t control;         /* CCR as last read */
+	int32_t quad_error;       /* sticky: A and B changed together; the caller clears it */
+	/* what to write */
+	uint32_t control_word;    /* CCR as it shall be */
+	int32_t write_control;    /* 1: write control_word in this cycle */
+	/* private */
+	int64_t event_count, event_ticks;
+	int32_t valid, moving, direction, index_state;
+} hm2_encoder;
+
+/* Takes in one reading of Count and CCR made right after TSCount was read into the timebase. Moves of
+ * 32768 counts and more between two updates cannot be told from shorter ones (16-bit counter). */
+void hm2_encoder_update(hm2_encoder *encoder, const hm2_timebase *timebase, uint32_t count, uint32_t control);
+/* count 0 here and now, in software: the hardware's counter is never cleared. */
+void hm2_encoder_zero(hm2_encoder *encoder);
+
+/* ---- one exchange of everything (cycle.c): what takes part, and in which order ----------- */
+
+#define HM2_CYCLE_PARTS 32      /* participants of one cycle */
+#define HM2_CYCLE_TRANSFERS 256 /* transfers of one exchange, all participants together */
+
+/* A participant of the cycle: a module, an SSERIAL port, a block of words. `reads` and `writes` append
+ * this cycle's transfers to a list with room for `capacity` and return how many they are (more than
+ * capacity: they did not fit, nothing was appended); words stay valid until the exchange is over.
+ * `process` takes in what was read; it is called only when the whole exchange has succeeded. Any member
+ * but self may be NULL. None may allocate, block or fail. */
+typedef struct hm2_cyclic {
+	void *self;
+	size_t (*reads)(void *self, hm2_transfer *transfers, size_t capacity);
+	size_t (*writes)(void *self, hm2_transfer *transfers, size_t capacity);
+	void (*process)(void *self, int64_t now_ns);
+} hm2_cyclic;
+
+typedef struct hm2_cycle_counters {
+	uint64_t cycles;   /* exchanges that came back whole */
+	uint64_t failures; /* exchanges that did not: values are those of the last good cycle */
+} hm2_cycle_counters;
+
+struct hm2_cycle;
+
+/* The board stays the caller's and outlives the cycle. */
+int hm2_cycle_new(struct hm2_board *board, struct hm2_cycle **cycle, hm2_error *error);
+void hm2_cycle_free(struct hm2_cycle *cycle);
+/* Participants read and write in the order they were added; all reads come before all writes.
+ * HM2_ERR_RANGE: more than HM2_CYCLE_PARTS. */
+int hm2_cycle_add(struct hm2_cycle *cycle, const hm2_cyclic *part, hm2_error *error);
+/* Read, write, process: one exchange. The reads see what the writes of earlier cycles caused. */
+int hm2_cycle_run(struct hm2_cycle *cycle, hm2_error *error);
+/* The same in two halves; several cards begin before the first finishes. */
+int hm2_cycle_begin(struct hm2_cycle *cycle, hm2_error *error);
+int hm2_cycle_finish(struct hm2_cycle *cycle, int64_t deadline_ns, hm2_error *error);
+/* Reads and processing alone, or writes alone: for control between them (two exchanges a cycle). */
+int hm2_cycle_read(struct hm2_cycle *cycle, hm2_error *error);
+int hm2_cycle_write(struct hm2_cycle *cycle, hm2_error *error);
+void hm2_cycle_get_counters(const struct hm2_cycle *cycle, hm2_cycle_counters *counters);
+
+/* A participant made of plain words: a fixed transfer into the caller's buffer each cycle. */
+typedef struct hm2_cyclic_words {
+	hm2_transfer transfer; /* words point into the caller's buffer */
+	int32_t enabled;       /* 0: left out of the cycle */
+} hm2_cyclic_words;
+
+void hm2_cyclic_words_part(hm2_cyclic_words *words, hm2_cyclic *part);
+
+/* All encoders of one module: TSCount, then counts, then controls; controls written only when they must be. */
+typedef struct hm2_encoders {
+	hm2_timebase timebase;
+	hm2_encoder *encoders;   /* count of them */
+	uint32_t *words;         /* room for 1 + 2 * count words */
+	uint32_t count;
+	uint32_t count_address, control_address, timestamp_address; /* of instance 0 */
+	uint32_t instance_stride;
+} hm2_encoders;
+
+void hm2_encoders_part(hm2_encoders *encoders, hm2_cyclic *part);
 
 #endif

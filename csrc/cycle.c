@@ -1,0 +1,123 @@
+/* One exchange for everything that takes part in a cycle. Nothing is allocated or looked up here. */
+#include "error.h"
+
+#include <stdlib.h>
+
+struct hm2_cycle {
+	struct hm2_board *board;
+	size_t parts;
+	hm2_cyclic part[HM2_CYCLE_PARTS];
+	size_t transfers;
+	hm2_transfer transfer[HM2_CYCLE_TRANSFERS];
+	hm2_cycle_counters counters;
+	int processes; /* the outstanding exchange has reads to take in */
+};
+
+int hm2_cycle_new(struct hm2_board *board, struct hm2_cycle **cycle, hm2_error *error)
+{
+	struct hm2_cycle *new_cycle = calloc(1, sizeof *new_cycle);
+	if (!new_cycle)
+		return hm2_error_set(error, HM2_ERR_NO_MEMORY, "cycle");
+	new_cycle->board = board;
+	*cycle = new_cycle;
+	return HM2_OK;
+}
+
+void hm2_cycle_free(struct hm2_cycle *cycle)
+{
+	free(cycle);
+}
+
+static int too_many(hm2_error *error, uint32_t limit)
+{
+	const int status = hm2_error_set(error, HM2_ERR_RANGE, "cycle");
+	if (error)
+		error->expected = limit;
+	return status;
+}
+
+int hm2_cycle_add(struct hm2_cycle *cycle, const hm2_cyclic *part, hm2_error *error)
+{
+	if (cycle->parts == HM2_CYCLE_PARTS)
+		return too_many(error, HM2_CYCLE_PARTS);
+	cycle->part[cycle->parts++] = *part;
+	return HM2_OK;
+}
+
+typedef size_t (*appender)(void *self, hm2_transfer *transfers, size_t capacity);
+
+static int append(struct hm2_cycle *cycle, appender list, void *self, hm2_error *error)
+{
+	const size_t room = HM2_CYCLE_TRANSFERS - cycle->transfers;
+	const size_t added = list ? list(self, &cycle->transfer[cycle->transfers], room) : 0;
+	if (added > room)
+		return too_many(error, HM2_CYCLE_TRANSFERS);
+	cycle->transfers += added;
+	return HM2_OK;
+}
+
+static int begin(struct hm2_cycle *cycle, int reads, int writes, hm2_error *error)
+{
+	int status = HM2_OK;
+	cycle->transfers = 0;
+	cycle->processes = reads;
+	for (size_t i = 0; reads && i < cycle->parts && status == HM2_OK; i++)
+		status = append(cycle, cycle->part[i].reads, cycle->part[i].self, error);
+	for (size_t i = 0; writes && i < cycle->parts && status == HM2_OK; i++)
+		status = append(cycle, cycle->part[i].writes, cycle->part[i].self, error);
+	if (status == HM2_OK)
+		status = hm2_begin(cycle->board, cycle->transfer, cycle->transfers, error);
+	if (status != HM2_OK)
+		cycle->counters.failures++;
+	return status;
+}
+
+int hm2_cycle_begin(struct hm2_cycle *cycle, hm2_error *error)
+{
+	return begin(cycle, 1, 1, error);
+}
+
+int hm2_cycle_finish(struct hm2_cycle *cycle, int64_t deadline_ns, hm2_error *error)
+{
+	const int status = hm2_finish(cycle->board, deadline_ns, error);
+	if (status != HM2_OK) {
+		cycle->counters.failures++;
+		return status;
+	}
+	cycle->counters.cycles++;
+	if (!cycle->processes)
+		return HM2_OK;
+	const int64_t now_ns = hm2_board_now_ns(cycle->board);
+	for (size_t i = 0; i < cycle->parts; i++)
+		if (cycle->part[i].process)
+			cycle->part[i].process(cycle->part[i].self, now_ns);
+	return HM2_OK;
+}
+
+static int run(struct hm2_cycle *cycle, int reads, int writes, hm2_error *error)
+{
+	const int status = begin(cycle, reads, writes, error);
+	if (status != HM2_OK)
+		return status;
+	return hm2_cycle_finish(cycle, hm2_board_now_ns(cycle->board) + HM2_BOARD_TIMEOUT_NS, error);
+}
+
+int hm2_cycle_run(struct hm2_cycle *cycle, hm2_error *error)
+{
+	return run(cycle, 1, 1, error);
+}
+
+int hm2_cycle_read(struct hm2_cycle *cycle, hm2_error *error)
+{
+	return run(cycle, 1, 0, error);
+}
+
+int hm2_cycle_write(struct hm2_cycle *cycle, hm2_error *error)
+{
+	return run(cycle, 0, 1, error);
+}
+
+void hm2_cycle_get_counters(const struct hm2_cycle *cycle, hm2_cycle_counters *counters)
+{
+	*counters = cycle->counters;
+}
