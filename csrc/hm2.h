@@ -505,5 +505,99 @@ typedef struct hm2_encoders {
 } hm2_encoders;
 
 void hm2_encoders_part(hm2_encoders *encoders, hm2_cyclic *part);
+/* ---- emulated Ethernet engine (emulator/ethernet*.c): LBP16 as the card's firmware answers --- */
+
+struct hm2_ethernet;
+
+/* The HostMot2 register file behind memory space 0. Only self, read and write are required. */
+typedef struct hm2_ethernet_card {
+	void *self;
+	uint32_t (*read)(void *self, uint32_t address);
+	void (*write)(void *self, uint32_t address, uint32_t value);
+	void (*enter)(void *self); /* around a packet's accesses, for a card shared with other threads */
+	void (*leave)(void *self);
+	void (*reload)(void *self); /* the FPGA was configured anew: power-up state */
+	/* Wait for the next rising edge of a DPLL line (0 reference, 1..4 timers), at most timeout_us.
+	 * Returns microseconds waited, or -1 when the time ran out. Without it every wait runs out. */
+	int64_t (*wait_edge)(void *self, int line, uint32_t timeout_us);
+} hm2_ethernet_card;
+
+typedef struct hm2_ethernet_config {
+	char name[16];             /* NUL padded; EEPROM and information space */
+	uint8_t mac[6];            /* in reading order: 00 60 1b .. */
+	uint8_t ip[4];             /* EEPROM address, a.b.c.d */
+	uint8_t jumpers;           /* 0 fixed, 1 EEPROM, 2 BOOTP, 3 invalid */
+	uint8_t flash_id;          /* 0x10 1 Mbit .. 0x15 32 Mbit */
+	uint8_t efinix;            /* image layout and reload words of the T boards */
+	uint16_t lbp_version;
+	uint16_t firmware_version;
+	uint32_t erase_us;         /* time of a sector erase */
+	uint32_t restart_us;       /* silence after an engine reset */
+	uint32_t reload_us;        /* silence after an FPGA reload */
+} hm2_ethernet_config;
+
+#define HM2_ETHERNET_IMAGE_USER 0
+#define HM2_ETHERNET_IMAGE_FALLBACK 1
+#define HM2_ETHERNET_IMAGE_NONE 2 /* nothing bootable: the card is dead until power-up */
+
+/* card NULL: a register file of plain memory. The card is not owned. NULL: no memory, or a bad config. */
+struct hm2_ethernet *hm2_ethernet_new(const hm2_ethernet_config *config, const hm2_ethernet_card *card);
+void hm2_ethernet_free(struct hm2_ethernet *ethernet);
+/* One datagram in; the reply's length, 0 for none. reply holds HM2_LBP16_MAX_PAYLOAD bytes. Safe from
+ * any thread, as are all below. */
+size_t hm2_ethernet_process(struct hm2_ethernet *ethernet, const uint8_t *request, size_t length, uint8_t *reply);
+/* Power off and on: EEPROM and flash stay, everything else starts anew. */
+void hm2_ethernet_power_up(struct hm2_ethernet *ethernet);
+/* Look at and set a 16-bit word of space 2, 4, 6 or 7 without side effects and keys; 0 when out of range. */
+uint16_t hm2_ethernet_peek(struct hm2_ethernet *ethernet, int space, uint32_t address);
+void hm2_ethernet_poke(struct hm2_ethernet *ethernet, int space, uint32_t address, uint16_t value);
+uint32_t hm2_ethernet_flash_size(struct hm2_ethernet *ethernet);
+int hm2_ethernet_flash_read(struct hm2_ethernet *ethernet, uint32_t address, uint8_t *bytes, size_t count);
+int hm2_ethernet_flash_write(struct hm2_ethernet *ethernet, uint32_t address, const uint8_t *bytes, size_t count);
+int hm2_ethernet_image(struct hm2_ethernet *ethernet); /* the image last booted */
+
+/* ---- its UDP server (emulator/ethernet_server.c, ethernet_fault.c) ------------------------- */
+
+struct hm2_ethernet_server;
+
+/* What happens to datagrams of one direction, drawn independently for each. Probabilities in parts per
+ * million. A reordered datagram waits until the next one has passed it, at most 50 ms. */
+typedef struct hm2_ethernet_fault {
+	uint32_t loss_ppm;
+	uint32_t duplicate_ppm;
+	uint32_t reorder_ppm;
+	uint32_t delay_us;
+	uint32_t jitter_us; /* added to delay_us: uniform 0..jitter_us */
+} hm2_ethernet_fault;
+
+#define HM2_ETHERNET_REQUESTS 0
+#define HM2_ETHERNET_REPLIES 1
+
+typedef struct hm2_ethernet_server_counters {
+	uint64_t requests;    /* received from the socket */
+	uint64_t replies;     /* given to the socket */
+	uint64_t send_errors;
+	uint64_t lost;        /* by injection, both directions; likewise the next two */
+	uint64_t duplicated;
+	uint64_t reordered;
+	uint64_t overflows;   /* dropped because too many were waiting */
+} hm2_ethernet_server_counters;
+
+/* Binds a UDP socket; host is a dotted IPv4 address, port 0 takes a free one. The engine is not owned. */
+int hm2_ethernet_server_open(struct hm2_ethernet *ethernet, const char *host, uint16_t port,
+                             struct hm2_ethernet_server **server, hm2_error *error);
+/* Stops, closes the socket. */
+void hm2_ethernet_server_free(struct hm2_ethernet_server *server);
+uint16_t hm2_ethernet_server_port(const struct hm2_ethernet_server *server);
+/* One thread. spin_us: how long after a datagram the next is awaited without sleeping. fifo_priority 0:
+ * normal scheduling. cpu -1: any. */
+int hm2_ethernet_server_start(struct hm2_ethernet_server *server, uint32_t spin_us, int fifo_priority, int cpu,
+                              hm2_error *error);
+void hm2_ethernet_server_stop(struct hm2_ethernet_server *server);
+/* While running, too. The same seed and the same datagrams give the same faults. */
+void hm2_ethernet_server_set_fault(struct hm2_ethernet_server *server, int direction,
+                                   const hm2_ethernet_fault *fault);
+void hm2_ethernet_server_set_seed(struct hm2_ethernet_server *server, uint64_t seed);
+void hm2_ethernet_server_get_counters(struct hm2_ethernet_server *server, hm2_ethernet_server_counters *counters);
 
 #endif

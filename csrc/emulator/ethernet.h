@@ -1,0 +1,117 @@
+/* The LBP16 engine of an emulated Ethernet card: its state, and what its files offer each other. */
+#ifndef HM2_EMULATOR_ETHERNET_H
+#define HM2_EMULATOR_ETHERNET_H
+
+#include <pthread.h>
+
+#include "hm2.h"
+
+/* Outcome of one element access: 0, or the bit that goes into the error register (6:0x00). */
+enum {
+	ETHERNET_PARSE_ERROR = 0x01,
+	ETHERNET_MEMORY_ERROR = 0x02,
+	ETHERNET_WRITE_ERROR = 0x04,
+	ETHERNET_RX_ERROR = 0x08,
+	ETHERNET_TX_ERROR = 0x10,
+	ETHERNET_WAIT_ERROR = 0x20
+};
+
+enum {
+	ETHERNET_KEY_EEPROM = 0x5A02,
+	ETHERNET_KEY_FLASH = 0x5A03,
+	ETHERNET_KEY_FACTORY = 0x3602 /* MAC and name as well; the driver does not know it */
+};
+
+/* Word index = byte address / 2 of memory space 6. */
+enum ethernet_status_word {
+	STATUS_ERRORS,
+	STATUS_PARSE_ERRORS,
+	STATUS_MEMORY_ERRORS,
+	STATUS_WRITE_ERRORS,
+	STATUS_RX_ALL,
+	STATUS_RX_LBP,
+	STATUS_RX_BAD,
+	STATUS_TX_ALL,
+	STATUS_TX_LBP,
+	STATUS_TX_BAD,
+	STATUS_LED_MODE,
+	STATUS_LED_POINTER,
+	STATUS_PACKET_TIME,
+	STATUS_KEY,
+	STATUS_RESET,
+	STATUS_ICAP,
+	STATUS_WORDS
+};
+
+#define ETHERNET_EEPROM_WORDS 64
+#define ETHERNET_REGISTER_FILE 0x10000
+
+enum ethernet_flash_stream { FLASH_IDLE, FLASH_READING, FLASH_PROGRAMMING };
+
+struct ethernet_flash {
+	uint8_t *bytes;
+	uint32_t size;
+	uint32_t address;      /* register 0: advances by 4 with each element of data */
+	enum ethernet_flash_stream stream;
+	uint32_t page_start;   /* of the program under way */
+	uint8_t page[256];     /* what has been clocked in, by place in the page */
+	uint8_t loaded[256];
+};
+
+/* The FPGA configuration port: remembers the address registers until the reboot command. */
+struct ethernet_icap {
+	uint16_t previous;
+	uint16_t pending;  /* register whose value comes next, 0: none */
+	uint16_t low;
+	uint16_t high;
+	uint8_t synced;
+};
+
+struct hm2_ethernet {
+	pthread_mutex_t mutex;
+	hm2_ethernet_config config;
+	hm2_ethernet_card card;
+	uint32_t *plain; /* the register file when no card was given */
+	uint16_t pointer[8];
+	uint16_t info_pointer; /* one for all information areas */
+	uint16_t eeprom[ETHERNET_EEPROM_WORDS];
+	uint16_t timers[16];
+	uint16_t status[STATUS_WORDS];
+	uint16_t information[16];
+	struct ethernet_flash flash;
+	struct ethernet_icap icap;
+	int64_t quiet_until_us; /* restarting: frames are lost */
+	int image;
+	uint8_t reset_requested;
+	uint8_t reload_requested;
+	uint32_t reload_address;
+};
+
+int64_t ethernet_now_us(void);
+/* The card's lock is let go meanwhile. */
+void ethernet_wait_us(struct hm2_ethernet *ethernet, int64_t us);
+
+/* One element of a memory space; address already checked against nothing. */
+int ethernet_space_read(struct hm2_ethernet *ethernet, int space, uint16_t address, uint32_t *value);
+int ethernet_space_write(struct hm2_ethernet *ethernet, int space, uint16_t address, uint32_t value);
+int ethernet_info_read(struct hm2_ethernet *ethernet, int space, uint16_t address, uint32_t *value);
+
+int ethernet_timer_read(struct hm2_ethernet *ethernet, uint16_t address, uint32_t *value);
+int ethernet_timer_write(struct hm2_ethernet *ethernet, uint16_t address, uint32_t value);
+
+int ethernet_status_read(struct hm2_ethernet *ethernet, uint16_t address, uint32_t *value);
+int ethernet_status_write(struct hm2_ethernet *ethernet, uint16_t address, uint32_t value);
+
+void ethernet_eeprom_init(struct hm2_ethernet *ethernet);
+int ethernet_eeprom_write(struct hm2_ethernet *ethernet, uint16_t address, uint16_t value);
+
+int ethernet_flash_init(struct ethernet_flash *flash, uint8_t id);
+void ethernet_flash_idle(struct ethernet_flash *flash);
+int ethernet_flash_access_read(struct hm2_ethernet *ethernet, uint16_t address, uint32_t *value);
+int ethernet_flash_access_write(struct hm2_ethernet *ethernet, uint16_t address, uint32_t value);
+/* Which image a configuration from this flash address ends up in: HM2_ETHERNET_IMAGE_*. */
+int ethernet_flash_boot(const struct hm2_ethernet *ethernet, uint32_t address);
+
+void ethernet_icap_write(struct hm2_ethernet *ethernet, uint16_t word);
+
+#endif

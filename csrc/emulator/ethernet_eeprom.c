@@ -1,0 +1,31 @@
+/* The 93C46 behind space 2: MAC, card name, IP address. Fact sheet lbp16.md 5. */
+#include "ethernet.h"
+
+#include <string.h>
+
+#define PUBLIC_START 0x20 /* below: MAC and name, for the factory key alone */
+
+void ethernet_eeprom_init(struct hm2_ethernet *ethernet)
+{
+	const hm2_ethernet_config *config = &ethernet->config;
+	uint16_t *words = ethernet->eeprom;
+
+	memset(words, 0, sizeof ethernet->eeprom);
+	for (int i = 0; i < 3; i++) /* low word first, so that six bytes read backwards */
+		words[1 + i] = (uint16_t)(config->mac[4 - 2 * i] << 8 | config->mac[5 - 2 * i]);
+	for (int i = 0; i < 8; i++)
+		words[0x10 / 2 + i] =
+			(uint16_t)((uint8_t)config->name[2 * i] | (uint8_t)config->name[2 * i + 1] << 8);
+	words[0x20 / 2] = (uint16_t)(config->ip[2] << 8 | config->ip[3]);
+	words[0x22 / 2] = (uint16_t)(config->ip[0] << 8 | config->ip[1]);
+}
+
+int ethernet_eeprom_write(struct hm2_ethernet *ethernet, uint16_t address, uint16_t value)
+{
+	const uint16_t key = ethernet->status[STATUS_KEY];
+
+	if (key != ETHERNET_KEY_FACTORY && (key != ETHERNET_KEY_EEPROM || address < PUBLIC_START))
+		return ETHERNET_WRITE_ERROR;
+	ethernet->eeprom[address / 2] = value;
+	return 0;
+}

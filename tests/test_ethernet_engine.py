@@ -1,0 +1,221 @@
+"""The emulated LBP16 engine against the fact sheet's dialogue and against recorded LinuxCNC cycles."""
+
+from __future__ import annotations
+
+import json
+import re
+import struct
+import time
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lbp16_reference import Command
+
+from hostmot2 import flash_layout
+from hostmot2.emulator.ethernet import DESCRIPTIONS, EthernetCard, EthernetDescription, description
+
+GOLDEN = Path(__file__).parent / "golden"
+ID_BLOCK = bytes.fromhex("84c20001fecaaa55484f53544d4f543200040000")
+QUICK = {"restart_us": 20_000, "reload_us": 20_000}
+
+
+def card(**facts) -> EthernetCard:
+    engine = EthernetCard(EthernetDescription("7I92", **{**QUICK, **facts}))
+    return engine
+
+
+def dialogue() -> list[tuple[int, bytes, str]]:
+    """Line number, request, expected reply of the golden trace."""
+    steps, request = [], b""
+    for number, line in enumerate((GOLDEN / "lbp16_trace.txt").read_text().splitlines(), 1):
+        text = line.replace(" ", "")
+        if text.startswith(">"):
+            request = bytes.fromhex(text[1:])
+        elif text.startswith("<"):
+            steps.append((number, request, text[1:]))
+    return steps
+
+
+def test_dialogue_of_the_fact_sheet():
+    engine = card()
+    assert engine.process(ID_BLOCK) is None
+    wrong = []
+    for number, request, expected in dialogue():
+        reply = engine.process(request)
+        got = "none" if reply is None else reply.hex()
+        if not re.fullmatch(expected.replace("x", "."), got):
+            wrong.append(f"line {number}: > {request.hex()} expected {expected} got {got}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_recorded_linuxcnc_requests_get_replies_of_the_recorded_length():
+    engine = card()
+    for line in (GOLDEN / "linuxcnc_20cycles.jsonl").read_text().splitlines():
+        record = json.loads(line)
+        reply = engine.process(bytes.fromhex(record["req"]))
+        assert len(reply or b"") == record["rsp_len"]
+        if reply:  # the counters of LinuxCNC's own sequence check
+            assert reply[-8:-4].hex() == record["rsp"][-16:-8]
+
+
+def wait_until_it_answers(engine: EthernetCard) -> None:
+    for _ in range(100):
+        if engine.process(bytes.fromhex("01420001")):
+            return
+        time.sleep(0.005)
+    raise AssertionError("the engine stayed silent")
+
+
+def test_engine_reset_clears_ram_and_reads_the_eeprom_again():
+    engine = card()
+    engine.process(ID_BLOCK)
+    engine.process(bytes.fromhex("84d110000100020003000400"))
+    engine.process(bytes.fromhex("80420001"))
+    engine.poke(2, 0x10, 0x4142)
+    engine.process(bytes.fromhex("01d91c000100"))
+    assert engine.process(bytes.fromhex("01420001")) is None
+    wait_until_it_answers(engine)
+    assert engine.process(bytes.fromhex("84511000")) == bytes(8)
+    assert engine.peek(6, 2) == 0
+    assert engine.process(bytes.fromhex("815d0000")) == b"BA"
+    assert engine.process(bytes.fromhex("01420001")) == bytes.fromhex("fecaaa55")
+
+
+def reload_request(words: list[int]) -> bytes:
+    return b"".join(bytes.fromhex("01d91e00") + struct.pack("<H", word) for word in words)
+
+
+@pytest.mark.parametrize(("efinix", "fallback"), [(False, False), (False, True), (True, False), (True, True)])
+def test_reload_boots_the_image_asked_for(efinix, fallback):
+    engine = card(efinix=efinix)
+    if efinix:  # mesaflash sends rubbish behind the two words that count
+        request = reload_request(flash_layout.efinix_reload_words(fallback) + [0x1234, 0xFFFF] * 6)
+    else:
+        request = reload_request(flash_layout.xilinx_reload_words(0x10000 if fallback else 0))
+        assert len(request) == 84
+    engine.process(ID_BLOCK)
+    assert engine.process(request) is None
+    assert engine.image == ("fallback" if fallback else "user")
+    wait_until_it_answers(engine)
+    assert engine.process(bytes.fromhex("01420001")) == bytes(4)  # registers are as at power-up
+
+
+def test_reload_falls_back_when_the_user_image_is_gone_and_dies_without_any():
+    engine = card()
+    engine.flash_write(0x100000, b"\xff" * 64)
+    engine.process(reload_request(flash_layout.xilinx_reload_words(0)))
+    assert engine.image == "fallback"
+    engine.flash_write(0x10000, b"\xff" * 64)
+    engine.power_up()
+    assert engine.image == "none"
+    assert engine.process(bytes.fromhex("01420001")) is None
+
+
+def test_firmware_before_15_cannot_reload():
+    engine = card(firmware_version=14)
+    engine.process(ID_BLOCK)
+    engine.process(reload_request(flash_layout.xilinx_reload_words(0)))
+    assert engine.process(bytes.fromhex("01420001")) == bytes.fromhex("fecaaa55")
+
+
+def test_boot_block_is_that_of_the_sheet():
+    block = flash_layout.boot_block(0x100000)
+    assert block.hex() == (
+        "ffff" * 5 + "aa995566" + "31e1ffff" + "32610000" + "32810b10" + "32a10000" + "32c10b01"
+        "30a10000" + "33012100" + "3201001f" + "30a1000e" + "2000" * 7
+    )
+    assert card().flash_read(0, 64) == block
+
+
+def test_page_program_wraps_inside_its_page():
+    engine = card()
+    engine.flash_write(0x20000, b"\xff" * 0x300)
+    engine.process(bytes.fromhex("01ce0000f8010200"))
+    key = bytes.fromhex("01d91a00035a")
+    engine.process(key + bytes.fromhex("04ce0400") + bytes(range(16)))
+    assert engine.flash_read(0x20100, 0x100) == b"\xff" * 0x100  # still in the part's buffer
+    assert engine.process(bytes.fromhex("014e0000")) == bytes.fromhex("08020200")
+    assert engine.flash_read(0x201F8, 8) == bytes(range(8))
+    assert engine.flash_read(0x20100, 8) == bytes(range(8, 16))
+    assert engine.flash_read(0x20200, 0x100) == b"\xff" * 0x100
+
+
+def test_a_reply_too_big_is_dropped_and_counted():
+    engine = card()
+    whole, one = bytes.fromhex("ff420000"), bytes.fromhex("81420000")
+    assert len(engine.process(bytes.fromhex("fa420000") * 2 + bytes.fromhex("fc420000"))) == 1472
+    assert engine.process(whole * 3) is None
+    assert engine.peek(6, 0x00) == 0x10
+    assert engine.peek(6, 0x12) == 1
+    assert engine.process(one) == bytes(4)
+
+
+def test_a_frame_too_long_is_a_bad_frame():
+    engine = card()
+    assert engine.process(bytes.fromhex("81420000") * 369) is None
+    assert (engine.peek(6, 0x00), engine.peek(6, 0x0C)) == (0x08, 1)
+
+
+def test_lbp_error_counters_saturate():
+    engine = card()
+    engine.poke(6, 2, 0xFFFE)
+    for _ in range(3):
+        engine.process(bytes.fromhex("80420001"))
+    assert engine.peek(6, 2) == 0xFFFF
+
+
+def test_microsecond_stamp_runs_and_waiting_takes_its_time():
+    engine = card()
+    (before, after) = struct.unpack("<HH", engine.process(bytes.fromhex("01510000 01d10200d007 01510000")))
+    assert (after - before) % 0x10000 >= 2000
+
+
+def test_space_0_wraps_at_64_kib():
+    engine = card()
+    engine.process(bytes.fromhex("82c2fcff 11111111 22222222"))
+    assert engine.process(bytes.fromhex("81420000")) == b"\x22" * 4
+
+
+@pytest.mark.parametrize("spec", ["7i92+7i77", "7i76e", "7i96", "7i80hd"])
+def test_card_name_in_eeprom_and_information_space_agree(spec):
+    engine = EthernetCard(description(spec))
+    name = engine.process(bytes.fromhex("885d0000"))
+    assert name == engine.process(bytes.fromhex("88491000"))
+    assert name.rstrip(b"\0").decode().lower().startswith(spec.split("+")[0])
+
+
+def test_pci_cards_have_no_ethernet_description():
+    with pytest.raises(ValueError, match="5i25 is not an Ethernet card"):
+        description("5i25+7i77")
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 0x3FFF), st.integers(0, 2**32 - 1), st.booleans()), min_size=1, max_size=40
+    )
+)
+def test_space_0_behaves_as_a_list_of_words(operations):
+    engine, model, request, expected = card(), {}, b"", b""
+    for place, value, write in operations:
+        data = struct.pack("<I", value)
+        request += Command(0, 4, 1, write=write, address=place * 4, data=data if write else b"").wire()
+        if write:
+            model[place] = data
+        else:
+            expected += model.get(place, bytes(4))
+    assert (engine.process(request) or b"") == expected
+
+
+@given(st.binary(max_size=1600))
+def test_no_packet_breaks_the_engine(packet):
+    engine = card()
+    engine.process(packet)
+    engine.power_up()
+    assert engine.process(bytes.fromhex("814207018142fe01")) is not None
+
+
+def test_every_card_description_makes_a_card():
+    for facts in DESCRIPTIONS.values():
+        assert EthernetCard(facts).image == "user"
