@@ -115,6 +115,7 @@ enum hm2_memory_map_detail {
 
 /* Maps the first 64 KiB of path, shared. Only aligned 32-bit accesses, little endian, in order. */
 int hm2_memory_map_bus(const char *path, hm2_bus *bus, hm2_error *error);
+
 /* ---- process data (process_data.c, process_unpack.c, process_pack.c) ----------------------- */
 
 /* The type and direction bytes of a process data descriptor (sserial.md 5.1). */
@@ -505,6 +506,7 @@ typedef struct hm2_encoders {
 } hm2_encoders;
 
 void hm2_encoders_part(hm2_encoders *encoders, hm2_cyclic *part);
+
 /* ---- emulated Ethernet engine (emulator/ethernet*.c): LBP16 as the card's firmware answers --- */
 
 struct hm2_ethernet;
