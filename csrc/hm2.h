@@ -506,6 +506,115 @@ typedef struct hm2_encoders {
 } hm2_encoders;
 
 void hm2_encoders_part(hm2_encoders *encoders, hm2_cyclic *part);
+/* ---- the IDROM (idrom.c, idrom_check.c): pure functions on the caller's buffers ---------- */
+
+#define HM2_ID_ADDRESS 0x0100u       /* cookie, config name (2 words), IDROM offset */
+#define HM2_ID_WORDS 4
+#define HM2_IDROM_HEADER_WORDS 16
+#define HM2_IDROM_MODULES_MAX 48     /* descriptors looked at; the firmware holds 32 */
+#define HM2_IDROM_MODULE_WORDS 3
+#define HM2_IDROM_PINS_MAX 1000      /* IOWidth limit */
+#define HM2_IDROM_NONE 0xFFFFFFFFu   /* "not known" for an expected value */
+
+/* Why HM2_ERR_FORMAT, in hm2_error.detail. address: of the offending word; index: descriptor or pin. */
+enum hm2_broken_idrom {
+	HM2_BROKEN_COOKIE = 1,
+	HM2_BROKEN_CONFIG_NAME,
+	HM2_BROKEN_OFFSET,
+	HM2_BROKEN_TYPE,
+	HM2_BROKEN_PORT_WIDTH,
+	HM2_BROKEN_IO_PORTS,
+	HM2_BROKEN_IO_WIDTH,            /* not IOPorts times PortWidth */
+	HM2_BROKEN_IO_WIDTH_LIMIT,
+	HM2_BROKEN_CLOCK_LOW,
+	HM2_BROKEN_CLOCK_HIGH,
+	HM2_BROKEN_PIN_OFFSET,
+	HM2_BROKEN_PIN_LIST_SHORT,      /* primary tag 0; expected: IOWidth */
+	HM2_BROKEN_PIN_PRIMARY_TAG,
+	HM2_BROKEN_PIN_RANGE,           /* bit of its port beyond 31 */
+	HM2_BROKEN_MODULE_OFFSET,
+	HM2_BROKEN_MODULE_LIST_UNTERMINATED,
+	HM2_BROKEN_MODULE_CLOCK_TAG,
+	HM2_BROKEN_MODULE_STRIDE_SELECT,
+	HM2_BROKEN_MODULE_STRIDE_ZERO,  /* address: of the stride in the header */
+	HM2_BROKEN_MODULE_RANGE,        /* received: the highest register address, or an unaligned base */
+	HM2_BROKEN_IOPORT_MISSING,
+	HM2_BROKEN_IOPORT_COUNT,
+	HM2_BROKEN_MODULE_DUPLICATE,    /* expected: index of the first */
+	HM2_BROKEN_MODULE_VERSION,      /* the module's form is not supported: expected, received of the */
+	HM2_BROKEN_MODULE_REGISTERS,    /* ... first of these four that differs */
+	HM2_BROKEN_MODULE_INSTANCE_STRIDE,
+	HM2_BROKEN_MODULE_MULTIPLE,
+	HM2_BROKEN_PIN_UNIT,            /* expected: the module's instances */
+	HM2_BROKEN_PIN_DUPLICATE_OUTPUT /* expected: index of the first pin */
+};
+
+typedef struct hm2_idrom {
+	uint32_t offset; /* byte address of the header */
+	uint32_t type;
+	uint32_t module_offset; /* from the header */
+	uint32_t pin_offset;
+	char config_name[12]; /* 8 characters, NUL padded */
+	char board_name[12];
+	uint32_t fpga_size; /* in the vendor's unit, thousands of gates or logic cells */
+	uint32_t fpga_pins;
+	uint32_t io_ports;
+	uint32_t io_width;
+	uint32_t port_width;
+	uint32_t clock_low; /* Hz */
+	uint32_t clock_high;
+	uint32_t instance_stride[2]; /* bytes */
+	uint32_t register_stride[2];
+} hm2_idrom;
+
+typedef struct hm2_module_descriptor {
+	uint32_t address;  /* of the descriptor itself */
+	uint32_t multiple; /* bit r: register r exists once per instance */
+	uint32_t register_stride; /* bytes, selected */
+	uint32_t instance_stride;
+	uint32_t clock; /* Hz, selected */
+	uint16_t base;
+	uint8_t gtag;
+	uint8_t version;
+	uint8_t clock_tag;
+	uint8_t instances;
+	uint8_t registers;
+	uint8_t stride_selects; /* 3..0 register, 7..4 instance */
+} hm2_module_descriptor;
+
+typedef struct hm2_pin_descriptor {
+	uint8_t secondary_pin; /* bit 7: output */
+	uint8_t secondary_tag; /* gtag, 0: GPIO only */
+	uint8_t secondary_unit; /* instance; bit 7: shared by all */
+	uint8_t primary_tag;
+} hm2_pin_descriptor;
+
+/* The four words at HM2_ID_ADDRESS: fills in offset and config_name. */
+int hm2_idrom_parse_id(const uint32_t words[4], hm2_idrom *idrom, hm2_error *error);
+int hm2_idrom_check_type(const hm2_idrom *idrom, uint32_t type, hm2_error *error);
+/* The 16 words at idrom->offset, in LinuxCNC's order of checks. expected_*: of a known board, else
+ * HM2_IDROM_NONE; an unknown board may have 1..32 pins per port and any number of ports but none. */
+int hm2_idrom_parse_header(const uint32_t words[16], uint32_t expected_port_width, uint32_t expected_io_ports,
+                           hm2_idrom *idrom, hm2_error *error);
+/* The io_width words at offset + pin_offset; hm2_idrom_check_pin_offset first, before reading them. */
+int hm2_idrom_check_pin_offset(const hm2_idrom *idrom, hm2_error *error);
+int hm2_idrom_parse_pins(const hm2_idrom *idrom, const uint32_t *words, size_t word_count,
+                         hm2_pin_descriptor *pins, size_t capacity, hm2_error *error);
+/* *words: how many to read at offset + module_offset; at most 3 * HM2_IDROM_MODULES_MAX. */
+int hm2_idrom_check_module_offset(const hm2_idrom *idrom, size_t *words, hm2_error *error);
+int hm2_idrom_parse_modules(const hm2_idrom *idrom, const uint32_t *words, size_t word_count,
+                            hm2_module_descriptor *modules, size_t capacity, size_t *count, hm2_error *error);
+/* One IOPort module, of the one known form and with as many instances as the header has ports; no known
+ * module twice. */
+int hm2_idrom_check_modules(const hm2_idrom *idrom, const hm2_module_descriptor *modules, size_t count,
+                            hm2_error *error);
+/* Whether modules[index] has a form (version, registers, instance stride, multiple) the driver knows.
+ * Modules the driver has no form for pass. */
+int hm2_idrom_check_form(const hm2_module_descriptor *modules, size_t index, hm2_error *error);
+/* Units within the module's instances, no output on two pins. From pin `first` on, so that a caller who
+ * accepts a finding goes on behind it. */
+int hm2_idrom_check_pins(const hm2_idrom *idrom, const hm2_module_descriptor *modules, size_t module_count,
+                         const hm2_pin_descriptor *pins, size_t pin_count, size_t first, hm2_error *error);
 
 /* ---- emulated Ethernet engine (emulator/ethernet*.c): LBP16 as the card's firmware answers --- */
 

@@ -1,0 +1,251 @@
+"""A card: words at addresses, what its IDROM says it contains, and the modules built on both."""
+
+from __future__ import annotations
+
+import atexit
+import importlib
+import os
+import threading
+import weakref
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+from types import TracebackType
+from typing import Any, Self
+
+from hostmot2 import errors
+from hostmot2._core import ffi, lib
+from hostmot2.boards import BoardFacts
+from hostmot2.idrom import Idrom, Inventory, ModuleDescriptor, PinDescriptor, read_inventory
+from hostmot2.parts import PARTS
+from hostmot2.transports.base import Transport
+
+
+class SafeOff(IntEnum):
+    """The order in which close() makes a card safe; lower first.
+
+    What needs the link to remotes goes while it still works, the pins after everything that drives them,
+    and the watchdog last, so that it bites even if something before it failed.
+    """
+
+    SESSION = 0
+    CARDS = 10
+    SSERIAL = 20
+    GENERATORS = 30
+    IOPORT = 40
+    LEDS = 50
+    WATCHDOG = 60
+
+
+class Board:
+    """An open card.
+
+    Use it as a context manager: leaving the block, by whatever way, turns outputs off and closes the card.
+    Boards still open when the interpreter exits are closed the same way.
+
+    Attributes of the card's parts (`sserial`, `encoders`, `watchdog`, ...) are made when first used; the
+    table is hostmot2/parts.py.
+
+    Thread-safety: every access takes `lock`, so a board may be used from several threads; a sequence that
+    must not be interrupted holds `lock` (it is reentrant) around itself.
+    """
+
+    def __init__(self, transport: Transport, *, strict: bool = True, board: BoardFacts | None = None) -> None:
+        self.lock = threading.RLock()
+        self.url = transport.url
+        self.read_only = transport.read_only
+        self._transport = transport
+        self._parts: dict[str, Any] = {}
+        self._safe_off: list[tuple[int, int, Callable[[], object]]] = []
+        self._owner = os.getpid()
+        self._closed = False
+        self._error = errors.new_error()
+        handle = ffi.new("struct hm2_board **")
+        errors.check(lib.hm2_board_open(transport.bus, handle, self._error), self._error)
+        self._handle = ffi.gc(handle[0], lib.hm2_board_free)
+        try:
+            self.inventory: Inventory = read_inventory(
+                self.read_words, model=transport.model, board=board, strict=strict
+            )
+        except BaseException:
+            self._close_bus()
+            raise
+        _open_boards.add(self)
+
+    @property
+    def idrom(self) -> Idrom:
+        """The IDROM header: names, clocks, ports."""
+        return self.inventory.idrom
+
+    @property
+    def modules(self) -> tuple[ModuleDescriptor, ...]:
+        """The modules of the loaded firmware, in IDROM order."""
+        return self.inventory.modules
+
+    @property
+    def pins(self) -> tuple[PinDescriptor, ...]:
+        """All I/O pins, in I/O order."""
+        return self.inventory.pins
+
+    @property
+    def name(self) -> str:
+        """The board's name, such as "5I25"."""
+        if self._transport.model:
+            return self._transport.model
+        return self.idrom.board_name.removeprefix("MESA")
+
+    @property
+    def handle(self) -> Any:
+        """The `struct hm2_board *`, for calls into the C core; hold `lock` during them."""
+        return self._handle
+
+    @property
+    def closed(self) -> bool:
+        """Whether close() has been called."""
+        return self._closed
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Exchanges, failures, words read and words written since open."""
+        counters = ffi.new("hm2_board_counters *")
+        lib.hm2_board_get_counters(self._handle, counters)
+        names = ("exchanges", "failures", "words_read", "words_written")
+        return {name: getattr(counters, name) for name in names}
+
+    def module(self, gtag: int) -> ModuleDescriptor:
+        """The module descriptor of `gtag`. Raises ModuleMissing."""
+        for module in self.modules:
+            if module.gtag == gtag:
+                return module
+        raise errors.ModuleMissing(f"{self.name}: the firmware has no module with gtag 0x{gtag:02X}")
+
+    def read(self, address: int, count: int = 1) -> Any:
+        """The word at `address` (an int), or with `count` a list of that many consecutive words.
+
+        address: byte address, a multiple of 4 below 0x10000. Raises ValueError for other addresses and a
+        TransportError if the card cannot be reached; never a made-up value.
+        """
+        words = self.read_words(address, count)
+        return words[0] if count == 1 else words
+
+    def read_words(self, address: int, count: int) -> list[int]:
+        """`count` consecutive words from `address` on, always as a list. Errors as for read()."""
+        if count < 1:
+            raise ValueError(f"count must be at least 1, not {count}")
+        if not 0 <= address < lib.HM2_ADDRESS_SPACE or count > lib.HM2_ADDRESS_SPACE // 4:
+            raise ValueError(f"{count} words at 0x{address:X} are outside the 64 KiB register file")
+        words = ffi.new("uint32_t[]", count)
+        with self.lock:
+            errors.check(lib.hm2_read(self._handle, address, words, count, self._error), self._error)
+        return list(words)
+
+    def write(self, address: int, words: int | Sequence[int]) -> None:
+        """Write one word or consecutive words from `address` on, in order.
+
+        words: 0 to 0xFFFFFFFF each. Raises ValueError for addresses and values outside their range, ReadOnly
+        on a dump, and a TransportError if the card cannot be reached.
+        """
+        values = [words] if isinstance(words, int) else list(words)
+        if not 0 <= address < lib.HM2_ADDRESS_SPACE:
+            raise ValueError(f"address 0x{address:X} is outside the 64 KiB register file")
+        for value in values:
+            if not 0 <= value <= 0xFFFFFFFF:
+                raise ValueError(f"word {value:#x} is outside 0..0xFFFFFFFF")
+        with self.lock:
+            status = lib.hm2_write(self._handle, address, values, len(values), self._error)
+            errors.check(status, self._error)
+
+    def now_ns(self) -> int:
+        """Nanoseconds on the card's clock: CLOCK_MONOTONIC, or the emulator's virtual time."""
+        return int(lib.hm2_board_now_ns(self._handle))
+
+    def pause(self, seconds: float) -> None:
+        """Let `seconds` of the card's clock pass. Other threads may use the board meanwhile."""
+        lib.hm2_board_pause_ns(self._handle, round(seconds * 1e9))
+
+    def card(self, name: str) -> Any:
+        """The daughter card called `name`, such as "7i77".
+
+        Raises ModuleMissing if it is not there, KeyError for a name this package does not know.
+        """
+        return self._part("cards")[name.lower()]
+
+    def on_close(self, action: Callable[[], object], order: int) -> None:
+        """Call `action` when the board closes, before the transport does. order: see SafeOff.
+
+        Actions of one order run in reverse order of registration. All run, even if some fail.
+        """
+        self._safe_off.append((order, -len(self._safe_off), action))
+
+    def close(self) -> None:
+        """Turn outputs off, let the transport go. Idempotent.
+
+        The first error of a safe-off action is raised after everything has been tried.
+        """
+        with self.lock:
+            if self._closed:
+                return
+            self._closed = True
+            # a forked child shares the card with its parent, whose outputs it must not turn off
+            failed = self._make_safe() if os.getpid() == self._owner else []
+            self._close_bus()
+        _open_boards.discard(self)
+        if failed:
+            for other in failed[1:]:
+                failed[0].add_note(f"also: {other!r}")
+            raise failed[0]
+
+    def _make_safe(self) -> list[BaseException]:
+        failed: list[BaseException] = []
+        for _, _, action in sorted(self._safe_off, key=lambda entry: entry[:2]):
+            try:
+                action()
+            except BaseException as error:  # even a second Ctrl-C must not leave outputs on
+                failed.append(error)
+        return failed
+
+    def _close_bus(self) -> None:
+        self._closed = True
+        lib.hm2_board_close(self._handle)
+        for action in self._transport.on_close:
+            action()
+
+    def _part(self, name: str) -> Any:
+        with self.lock:
+            if name not in self._parts:
+                module, attribute = PARTS[name]
+                self._parts[name] = getattr(importlib.import_module(module), attribute)(self)
+            return self._parts[name]
+
+    def __getattr__(self, name: str) -> Any:
+        if name in PARTS and not name.startswith("_"):
+            return self._part(name)
+        raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *PARTS})
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            self.close()
+        except BaseException as failure:
+            if error is None:
+                raise
+            error.add_note(f"while closing {self.url}: {failure!r}")
+
+    def __repr__(self) -> str:
+        state = "closed" if self._closed else f"{len(self.modules)} modules, {len(self.pins)} pins"
+        return f"<Board {self.name} at {self.url}: {state}>"
+
+
+_open_boards: weakref.WeakSet[Board] = weakref.WeakSet()
+
+
+@atexit.register
+def _close_open_boards() -> None:
+    for board in list(_open_boards):
+        board.close()
