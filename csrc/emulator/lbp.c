@@ -38,17 +38,17 @@ size_t hm2_lbp_command_length(uint8_t header, size_t process_bytes)
 {
 	size_t length = 1;
 
-	switch (header >> 6) {
-	case LBP_TYPE_DATA:
+	switch (LBP_KIND(header)) {
+	case HM2_LBP_KIND_DATA:
 		if (header & LBP_ADDRESS)
 			length += 2;
 		if (header & LBP_WRITE)
 			length += LBP_SIZE(header);
 		return length;
-	case LBP_TYPE_RPC:
-		return header == LBP_PROCESS_DATA ? length + process_bytes : length;
-	case LBP_TYPE_LOCAL:
-		return (header & LBP_WRITE) && header != LBP_RESET_PARSER ? length + 1 : length;
+	case HM2_LBP_KIND_RPC:
+		return header == HM2_LBP_RPC_PROCESS_DATA ? length + process_bytes : length;
+	case HM2_LBP_KIND_LOCAL:
+		return (header & LBP_WRITE) && header != HM2_LBP_COMMAND_RESET_PARSER ? length + 1 : length;
 	default:
 		return 0;
 	}

@@ -33,14 +33,14 @@ void remote_set_status(hm2_remote *remote, int bit)
 
 void remote_crc_error(hm2_remote *remote)
 {
-	remote_set_status(remote, LBP_STATUS_CRC);
+	remote_set_status(remote, HM2_LBP_STATUS_CRC_ERROR);
 	if (remote->knob[HM2_REMOTE_CRC_ERRORS] < UINT8_MAX)
 		remote->knob[HM2_REMOTE_CRC_ERRORS]++;
 }
 
 static int refuse(hm2_remote *remote)
 {
-	remote_set_status(remote, LBP_STATUS_INVALID);
+	remote_set_status(remote, HM2_LBP_STATUS_INVALID_ADDRESS);
 	return -1;
 }
 
@@ -50,7 +50,7 @@ static uint8_t *extend(hm2_remote *remote, remote_answer *answer, size_t count)
 
 	/* One place stays for the CRC. */
 	if (count >= sizeof answer->bytes - answer->length) {
-		remote_set_status(remote, LBP_STATUS_BUFFER);
+		remote_set_status(remote, HM2_LBP_STATUS_BUFFER);
 		return NULL;
 	}
 	answer->length += count;
@@ -123,28 +123,29 @@ static int64_t clear_flag(hm2_remote *remote)
 static int64_t read_local(hm2_remote *remote, int number)
 {
 	switch (number) {
-	case LBP_STATUS: return remote->knob[HM2_REMOTE_STATUS];
-	case LBP_CRC_ENABLE: return remote->knob[HM2_REMOTE_CRC] ? UINT8_MAX : 0;
-	case LBP_CRC_ERRORS: return remote->knob[HM2_REMOTE_CRC_ERRORS];
-	case LBP_SOFTWARE_MODE: return remote->knob[HM2_REMOTE_SOFTWARE_MODE];
-	case LBP_CLEAR_FAULTS: return clear_flag(remote);
-	case LBP_TIMEOUT: return remote->knob[HM2_REMOTE_TIMEOUT_BITS];
-	case LBP_SPACE: return remote->knob[HM2_REMOTE_SPACE];
-	case LBP_NAME:
-	case LBP_NAME + 1:
-	case LBP_NAME + 2:
-	case LBP_NAME + 3: return remote->knob[HM2_REMOTE_NAME] >> 8 * (number - LBP_NAME);
-	case LBP_CAPABILITY: return remote->knob[HM2_REMOTE_CAPABILITY];
-	case LBP_REVISION: return remote->knob[HM2_REMOTE_REVISION];
-	case LBP_HARDWARE_MODE: return remote->knob[HM2_REMOTE_HARDWARE_MODE];
-	case LBP_FAULT: return remote->knob[HM2_REMOTE_FAULT];
-	case LBP_POINTER_LOW: return remote->pointer;
-	case LBP_POINTER_HIGH: return remote->pointer >> 8;
-	case LBP_VERSION: return LBP_VERSION_OURS;
-	case LBP_RPC_PITCH: return RPC_PITCH;
-	case LBP_RPC_SIZE_LOW: return RPC_TABLE_SIZE & 0xFF;
-	case LBP_RPC_SIZE_HIGH: return RPC_TABLE_SIZE >> 8;
-	case LBP_COOKIE: return cookie(remote);
+	case HM2_LBP_LOCAL_STATUS: return remote->knob[HM2_REMOTE_STATUS];
+	case HM2_LBP_LOCAL_CRC_ENABLE: return remote->knob[HM2_REMOTE_CRC] ? UINT8_MAX : 0;
+	case HM2_LBP_LOCAL_CRC_ERRORS: return remote->knob[HM2_REMOTE_CRC_ERRORS];
+	case HM2_LBP_LOCAL_SOFTWARE_MODE: return remote->knob[HM2_REMOTE_SOFTWARE_MODE];
+	case HM2_LBP_LOCAL_CLEAR_FAULT: return clear_flag(remote);
+	case HM2_LBP_LOCAL_COMMAND_TIMEOUT: return remote->knob[HM2_REMOTE_TIMEOUT_BITS];
+	case HM2_LBP_LOCAL_MEMORY_SPACE: return remote->knob[HM2_REMOTE_SPACE];
+	case HM2_LBP_LOCAL_NAME_0:
+	case HM2_LBP_LOCAL_NAME_1:
+	case HM2_LBP_LOCAL_NAME_2:
+	case HM2_LBP_LOCAL_NAME_3:
+		return remote->knob[HM2_REMOTE_NAME] >> 8 * (number - HM2_LBP_LOCAL_NAME_0);
+	case HM2_LBP_LOCAL_CAPABILITY: return remote->knob[HM2_REMOTE_CAPABILITY];
+	case HM2_LBP_LOCAL_SOFTWARE_REVISION: return remote->knob[HM2_REMOTE_REVISION];
+	case HM2_LBP_LOCAL_HARDWARE_MODE: return remote->knob[HM2_REMOTE_HARDWARE_MODE];
+	case HM2_LBP_LOCAL_FAULT: return remote->knob[HM2_REMOTE_FAULT];
+	case HM2_LBP_LOCAL_ADDRESS_LOW: return remote->pointer;
+	case HM2_LBP_LOCAL_ADDRESS_HIGH: return remote->pointer >> 8;
+	case HM2_LBP_LOCAL_VERSION: return LBP_VERSION_OURS;
+	case HM2_LBP_LOCAL_RPC_PITCH: return RPC_PITCH;
+	case HM2_LBP_LOCAL_RPC_SIZE_LOW: return RPC_TABLE_SIZE & 0xFF;
+	case HM2_LBP_LOCAL_RPC_SIZE_HIGH: return RPC_TABLE_SIZE >> 8;
+	case HM2_LBP_LOCAL_COOKIE: return cookie(remote);
 	default: return remote->locals[number];
 	}
 }
@@ -152,23 +153,23 @@ static int64_t read_local(hm2_remote *remote, int number)
 static int write_local(hm2_remote *remote, int number, uint8_t value)
 {
 	switch (number) {
-	case LBP_STATUS: remote->knob[HM2_REMOTE_STATUS] = value; break;
-	case LBP_CRC_ENABLE: break; /* CRC checking is always on (7I77 and 8I20 manuals) */
-	case LBP_CRC_ERRORS: remote->knob[HM2_REMOTE_CRC_ERRORS] = value; break;
-	case LBP_SOFTWARE_MODE: remote_select_mode(remote, value); break;
-	case LBP_CLEAR_FAULTS:
+	case HM2_LBP_LOCAL_STATUS: remote->knob[HM2_REMOTE_STATUS] = value; break;
+	case HM2_LBP_LOCAL_CRC_ENABLE: break; /* CRC checking is always on (7I77 and 8I20 manuals) */
+	case HM2_LBP_LOCAL_CRC_ERRORS: remote->knob[HM2_REMOTE_CRC_ERRORS] = value; break;
+	case HM2_LBP_LOCAL_SOFTWARE_MODE: remote_select_mode(remote, value); break;
+	case HM2_LBP_LOCAL_CLEAR_FAULT:
 		if (value)
 			remote_clear_faults(remote);
 		break;
-	case LBP_TIMEOUT: remote->knob[HM2_REMOTE_TIMEOUT_BITS] = value; break;
-	case LBP_SPACE: remote->knob[HM2_REMOTE_SPACE] = value; break;
-	case LBP_FAULT: remote->knob[HM2_REMOTE_LEDS] = value; break;
-	case LBP_POINTER_LOW: remote->pointer = (uint16_t)((remote->pointer & 0xFF00) | value); break;
-	case LBP_POINTER_HIGH: remote->pointer = (uint16_t)(value << 8 | (remote->pointer & 0xFF)); break;
-	case LBP_VERSION: remote->pointer = (uint16_t)(remote->pointer + value); break;
-	case LBP_RPC_SIZE_LOW: remote->locals[LBP_UNIT_ID] = value; break;
-	case LBP_RPC_SIZE_HIGH:
-		if (value == LBP_RESET_KEY) {
+	case HM2_LBP_LOCAL_COMMAND_TIMEOUT: remote->knob[HM2_REMOTE_TIMEOUT_BITS] = value; break;
+	case HM2_LBP_LOCAL_MEMORY_SPACE: remote->knob[HM2_REMOTE_SPACE] = value; break;
+	case HM2_LBP_LOCAL_FAULT: remote->knob[HM2_REMOTE_LEDS] = value; break;
+	case HM2_LBP_LOCAL_ADDRESS_LOW: remote->pointer = (uint16_t)((remote->pointer & 0xFF00) | value); break;
+	case HM2_LBP_LOCAL_ADDRESS_HIGH: remote->pointer = (uint16_t)(value << 8 | (remote->pointer & 0xFF)); break;
+	case HM2_LBP_LOCAL_VERSION: remote->pointer = (uint16_t)(remote->pointer + value); break;
+	case HM2_LBP_LOCAL_RPC_SIZE_LOW: remote->locals[HM2_LBP_LOCAL_UNIT_ID] = value; break;
+	case HM2_LBP_LOCAL_RPC_SIZE_HIGH:
+		if (value == HM2_LBP_RESET_KEY) {
 			hm2_remote_reset(remote);
 			return -1; /* a processor in reset does not answer */
 		}
@@ -185,7 +186,7 @@ static int run_local(hm2_remote *remote, uint8_t header, byte_source *data, remo
 
 	if (!(header & LBP_WRITE))
 		return answer_byte(remote, answer, read_local(remote, number));
-	if (header == LBP_RESET_PARSER)
+	if (header == HM2_LBP_COMMAND_RESET_PARSER)
 		return 0;
 	value = take(data, 1);
 	return value ? write_local(remote, number, *value) : refuse(remote);
@@ -226,7 +227,7 @@ static int process_data(hm2_remote *remote, byte_source *data, remote_answer *an
 	if (!outputs)
 		return refuse(remote);
 	if ((size_t)remote->knob[HM2_REMOTE_RECEIVE_SIZE] >= sizeof answer->bytes - answer->length) {
-		remote_set_status(remote, LBP_STATUS_BUFFER);
+		remote_set_status(remote, HM2_LBP_STATUS_BUFFER);
 		return -1;
 	}
 	remote_process(remote, outputs, answer);
@@ -246,7 +247,7 @@ static size_t streamed_bytes(const hm2_remote *remote, uint8_t header)
 	byte_source list = stored_list(remote, header);
 	size_t streamed = 0;
 
-	for (const uint8_t *step = take(&list, 1); step && *step >> 6 == LBP_TYPE_DATA; step = take(&list, 1)) {
+	for (const uint8_t *step = take(&list, 1); step && LBP_KIND(*step) == HM2_LBP_KIND_DATA; step = take(&list, 1)) {
 		size_t data = *step & LBP_WRITE ? LBP_SIZE(*step) : 0;
 
 		streamed += *step & LBP_RPC_DATA ? 0 : data;
@@ -264,7 +265,7 @@ static int run_stored(hm2_remote *remote, uint8_t header, byte_source *data, rem
 	if (!step || *step == 0)
 		return refuse(remote); /* nothing stored there */
 	for (; step && *step; step = take(&list, 1)) {
-		if (*step >> 6 != LBP_TYPE_DATA)
+		if (LBP_KIND(*step) != HM2_LBP_KIND_DATA)
 			return refuse(remote);
 		if (run_data(remote, *step, &list, *step & LBP_RPC_DATA ? &list : data, answer))
 			return -1;
@@ -275,9 +276,9 @@ static int run_stored(hm2_remote *remote, uint8_t header, byte_source *data, rem
 static int run_rpc(hm2_remote *remote, uint8_t header, byte_source *data, remote_answer *answer)
 {
 	switch (header) {
-	case LBP_DISCOVERY: return discovery(remote, answer);
-	case LBP_UNIT_NUMBER: return unit_number(remote, answer);
-	case LBP_PROCESS_DATA: return process_data(remote, data, answer);
+	case HM2_LBP_RPC_DISCOVERY: return discovery(remote, answer);
+	case HM2_LBP_RPC_UNIT_NUMBER: return unit_number(remote, answer);
+	case HM2_LBP_RPC_PROCESS_DATA: return process_data(remote, data, answer);
 	default: return run_stored(remote, header, data, answer);
 	}
 }
@@ -286,7 +287,7 @@ size_t remote_command_length(const hm2_remote *remote, uint8_t header)
 {
 	size_t length = hm2_lbp_command_length(header, (size_t)remote->knob[HM2_REMOTE_TRANSMIT_SIZE]);
 
-	if (header >> 6 == LBP_TYPE_RPC && (header < LBP_DISCOVERY || header > LBP_PROCESS_DATA))
+	if (LBP_KIND(header) == HM2_LBP_KIND_RPC && (header < HM2_LBP_RPC_DISCOVERY || header > HM2_LBP_RPC_PROCESS_DATA))
 		length += streamed_bytes(remote, header);
 	return length;
 }
@@ -303,10 +304,10 @@ int remote_obey(hm2_remote *remote, const uint8_t *frame, size_t length, remote_
 		uint8_t header = *take(&source, 1);
 		int refused;
 
-		switch (header >> 6) {
-		case LBP_TYPE_DATA: refused = run_data(remote, header, &source, &source, answer); break;
-		case LBP_TYPE_RPC: refused = run_rpc(remote, header, &source, answer); break;
-		case LBP_TYPE_LOCAL: refused = run_local(remote, header, &source, answer); break;
+		switch (LBP_KIND(header)) {
+		case HM2_LBP_KIND_DATA: refused = run_data(remote, header, &source, &source, answer); break;
+		case HM2_LBP_KIND_RPC: refused = run_rpc(remote, header, &source, answer); break;
+		case HM2_LBP_KIND_LOCAL: refused = run_local(remote, header, &source, answer); break;
 		default: refused = refuse(remote); break;
 		}
 		if (refused)

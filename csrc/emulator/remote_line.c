@@ -26,7 +26,7 @@ static void give_up(hm2_remote *remote)
 	if (rx->length) {
 		remote_crc_error(remote);
 		if (rx->need > rx->length)
-			remote_set_status(remote, LBP_STATUS_TIMEOUT);
+			remote_set_status(remote, HM2_LBP_STATUS_COMMAND_TIMEOUT);
 	}
 	start_frame(rx);
 }
@@ -54,7 +54,7 @@ static void transmit(hm2_remote *remote, const remote_answer *answer, int64_t st
 	remote_transmitter *tx = &remote->tx;
 
 	if (tx->count + answer->length > TX_QUEUE) {
-		remote_set_status(remote, LBP_STATUS_BUFFER);
+		remote_set_status(remote, HM2_LBP_STATUS_BUFFER);
 		return;
 	}
 	if (start_ps < tx->free_ps)
@@ -88,7 +88,7 @@ static void start_command(hm2_remote *remote)
 	size_t length = remote_command_length(remote, rx->frame[rx->length - 1]);
 
 	if (length == 0 || rx->length + length > FRAME_MAX) {
-		remote_set_status(remote, length ? LBP_STATUS_BUFFER : LBP_STATUS_INVALID);
+		remote_set_status(remote, length ? HM2_LBP_STATUS_BUFFER : HM2_LBP_STATUS_INVALID_ADDRESS);
 		discard_until_gap(remote);
 		return;
 	}
@@ -98,7 +98,7 @@ static void start_command(hm2_remote *remote)
 /* A frame that begins with "reset parser" begins anew with the byte behind it. */
 static void after_parser_reset(remote_receiver *rx)
 {
-	if (rx->boundary != 1 || rx->frame[0] != LBP_RESET_PARSER)
+	if (rx->boundary != 1 || rx->frame[0] != HM2_LBP_COMMAND_RESET_PARSER)
 		return;
 	rx->frame[0] = rx->frame[1];
 	rx->length = 1;
@@ -116,7 +116,7 @@ static void take_byte(hm2_remote *remote, uint8_t value, int64_t heard_ps)
 		return;
 	}
 	if (rx->length == FRAME_MAX) {
-		remote_set_status(remote, LBP_STATUS_BUFFER);
+		remote_set_status(remote, HM2_LBP_STATUS_BUFFER);
 		discard_until_gap(remote);
 		return;
 	}

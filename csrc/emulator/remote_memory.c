@@ -11,13 +11,13 @@ static uint8_t *locate(hm2_remote *remote, int space, uint32_t address, size_t l
 	uint8_t *base = remote->ram;
 	size_t size = RAM_SIZE;
 
-	if (space == LBP_SPACE_EEPROM && remote->eeprom_size) {
+	if (space == HM2_LBP_SPACE_EEPROM && remote->eeprom_size) {
 		base = remote->eeprom;
 		size = remote->eeprom_size;
-	} else if (space == LBP_SPACE_EEPROM) {
+	} else if (space == HM2_LBP_SPACE_EEPROM) {
 		base += STAND_IN_EEPROM;
 		size -= STAND_IN_EEPROM;
-	} else if (space != LBP_SPACE_RAM) {
+	} else if (space != HM2_LBP_SPACE_RAM) {
 		return NULL;
 	}
 	return address > size || length > size - address ? NULL : base + address;
@@ -43,7 +43,7 @@ static uint8_t *reachable(hm2_remote *remote, uint16_t address, size_t length, i
 {
 	int space = (int)remote->knob[HM2_REMOTE_SPACE];
 
-	if (remote->locals[LBP_RPC_MEMORY])
+	if (remote->locals[HM2_LBP_LOCAL_RPC_MEMORY_ACCESS])
 		return address + length > RPC_TABLE_SIZE ? NULL : remote->rpc_table + address;
 	return allowed(remote, space, address, length, write) ? locate(remote, space, address, length) : NULL;
 }
@@ -54,7 +54,7 @@ int remote_read(hm2_remote *remote, uint16_t address, uint8_t *bytes, size_t len
 
 	if (!memory)
 		return -1;
-	if (remote->knob[HM2_REMOTE_SPACE] == LBP_SPACE_RAM) {
+	if (remote->knob[HM2_REMOTE_SPACE] == HM2_LBP_SPACE_RAM) {
 		remote_images_to_ram(remote);
 		remote_8i20_before_read(remote, address, length);
 	}
@@ -82,7 +82,7 @@ int remote_write(hm2_remote *remote, uint16_t address, const uint8_t *bytes, siz
 	if (!memory)
 		return -1;
 	log_write(remote, address, bytes, length);
-	if (remote->knob[HM2_REMOTE_SPACE] == LBP_SPACE_RAM && !remote->locals[LBP_RPC_MEMORY]) {
+	if (remote->knob[HM2_REMOTE_SPACE] == HM2_LBP_SPACE_RAM && !remote->locals[HM2_LBP_LOCAL_RPC_MEMORY_ACCESS]) {
 		remote_images_to_ram(remote);
 		memcpy(memory, bytes, length);
 		remote_ram_to_images(remote, address, length);
@@ -99,7 +99,7 @@ int hm2_remote_peek(hm2_remote *remote, int space, uint32_t address, uint8_t *by
 
 	if (!memory)
 		return HM2_ERR_RANGE;
-	if (space == LBP_SPACE_RAM)
+	if (space == HM2_LBP_SPACE_RAM)
 		remote_images_to_ram(remote);
 	memcpy(bytes, memory, length);
 	return HM2_OK;
@@ -111,17 +111,17 @@ int hm2_remote_poke(hm2_remote *remote, int space, uint32_t address, const uint8
 
 	if (!memory)
 		return HM2_ERR_RANGE;
-	if (space == LBP_SPACE_RAM)
+	if (space == HM2_LBP_SPACE_RAM)
 		remote_images_to_ram(remote);
 	memcpy(memory, bytes, length);
-	if (space == LBP_SPACE_RAM)
+	if (space == HM2_LBP_SPACE_RAM)
 		remote_ram_to_images(remote, address, length);
 	return HM2_OK;
 }
 
 int hm2_remote_load(hm2_remote *remote, uint32_t address, const uint8_t *bytes, size_t length)
 {
-	int status = hm2_remote_poke(remote, LBP_SPACE_RAM, address, bytes, length);
+	int status = hm2_remote_poke(remote, HM2_LBP_SPACE_RAM, address, bytes, length);
 
 	if (status == HM2_OK)
 		memcpy(remote->power_on_ram + address, bytes, length);

@@ -3,9 +3,6 @@
 
 #include <string.h>
 
-#define DIRECTION_INPUT 0x00
-#define DIRECTION_BOTH 0x40
-#define DIRECTION_OUTPUT 0x80
 #define STATUS_7I64 3      /* byte of the 7I64's answer, and of what it is sent */
 #define WATCHDOG_7I64 0x08 /* bit in both */
 
@@ -42,11 +39,11 @@ void remote_images_to_ram(hm2_remote *remote)
 	for (size_t i = 0; i < remote->mode->count; i++) {
 		const remote_element *element = element_at(remote, i);
 
-		if (!element->address || element->direction == DIRECTION_INPUT)
+		if (!element->address || element->direction == HM2_DATA_DIRECTION_IN)
 			continue;
 		memset(remote->ram + element->address, 0, ram_bytes(element));
 		move_bits(remote->ram + element->address, 0, remote->output_image, element->output_bit, element->bits);
-		if (element->direction == DIRECTION_BOTH)
+		if (element->direction == HM2_DATA_DIRECTION_BIDIRECTIONAL)
 			remote->inputs_stale = 1;
 	}
 }
@@ -60,7 +57,7 @@ void remote_ram_to_images(hm2_remote *remote, uint32_t address, size_t length)
 	for (size_t i = 0; i < remote->mode->count; i++) {
 		const remote_element *element = element_at(remote, i);
 
-		if (!element->address || element->direction == DIRECTION_INPUT)
+		if (!element->address || element->direction == HM2_DATA_DIRECTION_IN)
 			continue;
 		if (address < element->address + ram_bytes(element) && element->address < address + length)
 			move_bits(remote->output_image, element->output_bit, remote->ram + element->address, 0, element->bits);
@@ -77,7 +74,7 @@ void remote_refresh_inputs(hm2_remote *remote)
 	for (size_t i = 0; remote->mode && i < remote->mode->count; i++) {
 		const remote_element *element = element_at(remote, i);
 
-		if (element->address && element->direction != DIRECTION_OUTPUT)
+		if (element->address && element->direction != HM2_DATA_DIRECTION_OUT)
 			move_bits(remote->input_image, element->input_bit, remote->ram + element->address, 0, element->bits);
 	}
 }
@@ -87,7 +84,7 @@ void remote_inputs_to_ram(hm2_remote *remote)
 	for (size_t i = 0; remote->mode && i < remote->mode->count; i++) {
 		const remote_element *element = element_at(remote, i);
 
-		if (!element->address || element->direction == DIRECTION_OUTPUT)
+		if (!element->address || element->direction == HM2_DATA_DIRECTION_OUT)
 			continue;
 		memset(remote->ram + element->address, 0, ram_bytes(element));
 		move_bits(remote->ram + element->address, 0, remote->input_image, element->input_bit, element->bits);
@@ -124,13 +121,13 @@ int hm2_remote_add_element(hm2_remote *remote, uint8_t mode, uint8_t bits, uint8
 		return HM2_ERR_RANGE;
 	element.input_bit = last->input_bits;
 	element.output_bit = last->output_bits;
-	if (direction != DIRECTION_OUTPUT)
+	if (direction != HM2_DATA_DIRECTION_OUT)
 		last->input_bits = (uint16_t)(last->input_bits + bits);
-	if (direction != DIRECTION_INPUT)
+	if (direction != HM2_DATA_DIRECTION_IN)
 		last->output_bits = (uint16_t)(last->output_bits + bits);
 	if (last->input_bits > 8 * HM2_REMOTE_DATA_MAX || last->output_bits > 8 * HM2_REMOTE_DATA_MAX)
 		return HM2_ERR_RANGE;
-	last->both_ways |= direction == DIRECTION_BOTH;
+	last->both_ways |= direction == HM2_DATA_DIRECTION_BIDIRECTIONAL;
 	remote->elements[remote->element_count++] = element;
 	last->count++;
 	remote->inputs_stale = 1;
@@ -145,7 +142,7 @@ static void adopt_mode(hm2_remote *remote, const remote_mode *mode)
 	remote->knob[HM2_REMOTE_TRANSMIT_SIZE] = mode->transmit_size;
 	remote->knob[HM2_REMOTE_PTOC] = mode->ptoc;
 	remote->knob[HM2_REMOTE_GTOC] = mode->gtoc;
-	remote->knob[HM2_REMOTE_FAULT] &= ~FAULT_ILLEGAL_MODE;
+	remote->knob[HM2_REMOTE_FAULT] &= ~(int64_t)HM2_REMOTE_FAULT_ILLEGAL_MODE;
 	memset(remote->input_image, 0, sizeof remote->input_image);
 	memset(remote->output_image, 0, sizeof remote->output_image);
 	remote->inputs_stale = 1;
@@ -166,7 +163,7 @@ void remote_select_mode(hm2_remote *remote, uint8_t mode)
 	/* The last legal layout stays: the sizes of a frame must always be defined. */
 	remote->illegal_mode = 1;
 	remote_outputs_off(remote);
-	remote->knob[HM2_REMOTE_FAULT] |= FAULT_ILLEGAL_MODE;
+	remote->knob[HM2_REMOTE_FAULT] |= HM2_REMOTE_FAULT_ILLEGAL_MODE;
 }
 
 /* ---- faults and watchdog ----------------------------------------------------------------- */
@@ -181,7 +178,7 @@ void remote_clear_faults(hm2_remote *remote)
 {
 	if (!remote->knob[HM2_REMOTE_FAULT_CLEARS])
 		return;
-	remote->knob[HM2_REMOTE_FAULT] = remote->illegal_mode ? FAULT_ILLEGAL_MODE : 0;
+	remote->knob[HM2_REMOTE_FAULT] = remote->illegal_mode ? HM2_REMOTE_FAULT_ILLEGAL_MODE : 0;
 	remote_feed_watchdog(remote);
 }
 
@@ -205,9 +202,9 @@ void remote_check_watchdog(hm2_remote *remote)
 
 	if (period == 0 || remote->now_ps - remote->fed_ps <= period)
 		return;
-	if (!(remote->knob[HM2_REMOTE_FAULT] & FAULT_WATCHDOG)) {
-		remote->knob[HM2_REMOTE_FAULT] |= FAULT_WATCHDOG;
-		remote_set_status(remote, LBP_STATUS_WATCHDOG);
+	if (!(remote->knob[HM2_REMOTE_FAULT] & HM2_REMOTE_FAULT_WATCHDOG)) {
+		remote->knob[HM2_REMOTE_FAULT] |= HM2_REMOTE_FAULT_WATCHDOG;
+		remote_set_status(remote, HM2_LBP_STATUS_WATCHDOG);
 	}
 	if (remote->knob[HM2_REMOTE_FAULT_GATES])
 		remote_outputs_off(remote);

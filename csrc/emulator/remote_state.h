@@ -13,8 +13,6 @@
 #define ELEMENTS_MAX 512
 #define COPIES_MAX 64
 #define RANGES_MAX 16
-#define FAULT_WATCHDOG 0x01
-#define FAULT_ILLEGAL_MODE 0x40
 
 /* Bytes of one process image, longer than the longest so that elements are moved 9 bytes at a time. */
 #define IMAGE_SIZE (HM2_REMOTE_DATA_MAX + 9)
