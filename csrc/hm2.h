@@ -244,7 +244,8 @@ enum hm2_remote_knob {
 	HM2_REMOTE_FAULT,             /* fault byte */
 	HM2_REMOTE_FAULT_CLEARS,      /* 0: clearing faults does not help */
 	HM2_REMOTE_FAULT_GATES,       /* 1: outputs are off and not taken while there is a fault */
-	HM2_REMOTE_FAULT_AT_RESET,    /* fault byte after power-up and reset */
+	HM2_REMOTE_FAULT_AT_RESET,    /* fault after power-up and reset */
+	HM2_REMOTE_FAULT_ADDRESS,     /* RAM word that shows the fault byte; -1: none */
 	HM2_REMOTE_CLEAR_BUSY_READS,  /* so many more reads of the clear-faults flag find it busy */
 	HM2_REMOTE_WATCHDOG_PS,       /* 0: off; not used with a watchdog address */
 	HM2_REMOTE_WATCHDOG_ADDRESS,  /* RAM word with the time in units; -1: none */
@@ -252,15 +253,17 @@ enum hm2_remote_knob {
 	HM2_REMOTE_UNIT_ADDRESS,      /* RAM long that is the unit number; -1: none */
 	HM2_REMOTE_TURNAROUND_PS,     /* middle of the last stop bit to the start of the answer */
 	HM2_REMOTE_BAUD,
+	HM2_REMOTE_BAUD_ADDRESS,      /* EEPROM word with the baud rate's index, used at reset; -1: none */
+	HM2_REMOTE_SETUP_MODE,        /* 1: set-up jumper in place, from the next reset on: 115200 baud, long timeout */
 	HM2_REMOTE_TIMEOUT_BITS,      /* a longer gap ends a frame, local register 0xCB; 0: never */
 	HM2_REMOTE_CRC,               /* 0: no CRC byte either way, and no answer without data */
 	HM2_REMOTE_COOKIE,
 	HM2_REMOTE_BAD_COOKIES,       /* so many more cookies are 0x55 */
 	HM2_REMOTE_ANSWERS_UNIT,      /* 0: silent on the unit number RPC */
 	HM2_REMOTE_ANSWERS_DISCOVERY, /* 0: silent on the discovery RPC */
-	HM2_REMOTE_FAULT_WORD,        /* 8I20 stand-in: word at 0x0852 */
-	HM2_REMOTE_FAULT_WORD_ON_ENABLE, /* 8I20 stand-in: fault word after enabling; 0: unchanged */
-	HM2_REMOTE_PID_OFF_READS,     /* 8I20 stand-in: so many more reads of 0x08FE give 0 */
+	HM2_REMOTE_FAULT_WORD,        /* 8I20: its faults, the word at 0x0852 */
+	HM2_REMOTE_FAULT_WORD_ON_ENABLE, /* 8I20: fault word after enabling; 0: unchanged */
+	HM2_REMOTE_PID_OFF_READS,     /* 8I20: so many more reads of 0x08FE give 0 */
 	HM2_REMOTE_INJECT_BAD_CRC,    /* so many answers with an inverted CRC */
 	HM2_REMOTE_INJECT_TRUNCATE,   /* bytes missing at the end of the next answer */
 	HM2_REMOTE_INJECT_EXTRA,      /* surplus bytes after the next answer: E0, E1, .. */

@@ -9,6 +9,8 @@
 #define U32_MAX 0xFFFFFFFFLL
 #define MANY 0x7FFFFFFFFFFFFFFFLL
 #define PS_PER_SECOND 1000000000000LL
+#define SETUP_BAUD 115200
+#define SETUP_TIMEOUT_BITS 255 /* 25.5 characters (7I77 manual, framing) */
 
 typedef struct knob_range {
 	int64_t initial, lowest, highest;
@@ -31,6 +33,7 @@ static const knob_range ranges[HM2_REMOTE_KNOBS] = {
 	[HM2_REMOTE_FAULT_CLEARS] = { 1, 0, 1 },
 	[HM2_REMOTE_FAULT_GATES] = { 0, 0, 1 },
 	[HM2_REMOTE_FAULT_AT_RESET] = { 0, 0, U8_MAX },
+	[HM2_REMOTE_FAULT_ADDRESS] = { -1, -1, U16_MAX - 1 },
 	[HM2_REMOTE_CLEAR_BUSY_READS] = { 0, 0, MANY },
 	[HM2_REMOTE_WATCHDOG_PS] = { 0, 0, MANY / 2 },
 	[HM2_REMOTE_WATCHDOG_ADDRESS] = { -1, -1, U16_MAX - 1 },
@@ -38,6 +41,8 @@ static const knob_range ranges[HM2_REMOTE_KNOBS] = {
 	[HM2_REMOTE_UNIT_ADDRESS] = { -1, -1, U16_MAX - 3 },
 	[HM2_REMOTE_TURNAROUND_PS] = { 3000000, 0, 1000 * PS_PER_SECOND },
 	[HM2_REMOTE_BAUD] = { 2500000, 300, 100000000 },
+	[HM2_REMOTE_BAUD_ADDRESS] = { -1, -1, HM2_REMOTE_EEPROM_MAX - 2 },
+	[HM2_REMOTE_SETUP_MODE] = { 0, 0, 1 },
 	[HM2_REMOTE_TIMEOUT_BITS] = { 40, 0, U8_MAX },
 	[HM2_REMOTE_CRC] = { 1, 0, 1 },
 	[HM2_REMOTE_COOKIE] = { 0x5A, 0, U8_MAX },
@@ -96,8 +101,8 @@ static void apply(hm2_remote *remote, int knob, int64_t value)
 		remote_select_mode(remote, (uint8_t)value);
 		break;
 	case HM2_REMOTE_FAULT:
-		if (value && remote->knob[HM2_REMOTE_FAULT_GATES])
-			remote_outputs_off(remote);
+	case HM2_REMOTE_FAULT_WORD:
+		remote_show_faults(remote);
 		break;
 	default:
 		break;
@@ -120,29 +125,51 @@ int64_t hm2_remote_get(const hm2_remote *remote, int knob)
 	return knob < 0 || knob >= HM2_REMOTE_KNOBS ? -1 : remote->knob[knob];
 }
 
-void hm2_remote_reset(hm2_remote *remote)
+/* The line as the jumper and the EEPROM want it (7I77 and 8I20 manuals: operate mode baud rate). */
+static void reset_line(hm2_remote *remote)
 {
-	static const int forgotten[] = {
-		HM2_REMOTE_STATUS, HM2_REMOTE_CRC_ERRORS, HM2_REMOTE_SPACE, HM2_REMOTE_LEDS, HM2_REMOTE_SOFTWARE_MODE,
-		HM2_REMOTE_TIMEOUT_BITS,
-	};
+	static const int32_t bauds[] = { 9600,   19200,  38400,   57600,   115200,  230400,
+		                         460800, 921600, 1250000, 2500000, 5000000, 10000000 };
+	int64_t address = remote->knob[HM2_REMOTE_BAUD_ADDRESS];
+	int index = address < 0 ? -1 : remote->eeprom[address] | remote->eeprom[address + 1] << 8;
 
-	silence(remote);
-	remote_outputs_off(remote);
-	memset(remote->locals, 0, sizeof remote->locals);
+	if (remote->knob[HM2_REMOTE_SETUP_MODE])
+		hm2_remote_set(remote, HM2_REMOTE_BAUD, SETUP_BAUD);
+	else if (index >= 0 && index < (int)(sizeof bauds / sizeof *bauds))
+		hm2_remote_set(remote, HM2_REMOTE_BAUD, bauds[index]);
+	remote->knob[HM2_REMOTE_TIMEOUT_BITS] =
+		remote->knob[HM2_REMOTE_SETUP_MODE] ? SETUP_TIMEOUT_BITS : ranges[HM2_REMOTE_TIMEOUT_BITS].initial;
+}
+
+/* Working parameters: as at the first power-up, then what the EEPROM says. */
+static void reset_memory(hm2_remote *remote)
+{
 	memcpy(remote->ram, remote->power_on_ram, sizeof remote->ram);
 	for (size_t i = 0; i < remote->copy_count; i++) {
 		const remote_copy *copy = &remote->copies[i];
 
 		memcpy(remote->ram + copy->to, remote->eeprom + copy->from, copy->size);
 	}
+	memset(remote->rpc_table, 0, sizeof remote->rpc_table);
+	remote->inputs_stale = 1;
+}
+
+void hm2_remote_reset(hm2_remote *remote)
+{
+	static const int forgotten[] = { HM2_REMOTE_STATUS, HM2_REMOTE_CRC_ERRORS, HM2_REMOTE_SPACE, HM2_REMOTE_LEDS };
+
+	silence(remote);
+	memset(remote->locals, 0, sizeof remote->locals);
 	for (size_t i = 0; i < sizeof forgotten / sizeof *forgotten; i++)
 		remote->knob[forgotten[i]] = ranges[forgotten[i]].initial;
 	remote->pointer = 0;
 	remote->pid_enabled = 0;
+	reset_line(remote);
+	remote_outputs_off(remote);
 	remote_select_mode(remote, 0);
-	remote->inputs_stale = 1;
-	remote->knob[HM2_REMOTE_FAULT] = remote->knob[HM2_REMOTE_FAULT_AT_RESET];
+	reset_memory(remote);
+	*remote_faults(remote) = remote->knob[HM2_REMOTE_FAULT_AT_RESET];
+	remote_show_faults(remote);
 	remote_feed_watchdog(remote);
 }
 

@@ -75,6 +75,20 @@ static void log_write(hm2_remote *remote, uint16_t address, const uint8_t *bytes
 	memcpy(entry->data, bytes, length);
 }
 
+/* Where the fault byte can be seen in RAM it can be written there, but for an illegal mode. */
+static void take_faults(hm2_remote *remote, uint16_t address, size_t length)
+{
+	int64_t place = remote->knob[HM2_REMOTE_FAULT_ADDRESS];
+
+	if (place < address || place >= (int64_t)(address + length))
+		return;
+	if (remote->knob[HM2_REMOTE_FAULT_CLEARS])
+		remote->knob[HM2_REMOTE_FAULT] = remote->ram[place];
+	if (remote->illegal_mode)
+		remote->knob[HM2_REMOTE_FAULT] |= HM2_REMOTE_FAULT_ILLEGAL_MODE;
+	remote_show_faults(remote);
+}
+
 int remote_write(hm2_remote *remote, uint16_t address, const uint8_t *bytes, size_t length)
 {
 	uint8_t *memory = reachable(remote, address, length, 1);
@@ -86,6 +100,7 @@ int remote_write(hm2_remote *remote, uint16_t address, const uint8_t *bytes, siz
 		remote_images_to_ram(remote);
 		memcpy(memory, bytes, length);
 		remote_ram_to_images(remote, address, length);
+		take_faults(remote, address, length);
 		remote_8i20_after_write(remote, address, length);
 	} else {
 		memcpy(memory, bytes, length);

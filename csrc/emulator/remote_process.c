@@ -52,7 +52,7 @@ void remote_images_to_ram(hm2_remote *remote)
 void remote_ram_to_images(hm2_remote *remote, uint32_t address, size_t length)
 {
 	remote->inputs_stale = 1;
-	if (!remote->mode || (remote->knob[HM2_REMOTE_FAULT] && remote->knob[HM2_REMOTE_FAULT_GATES]))
+	if (!remote->mode || remote_gated(remote))
 		return;
 	for (size_t i = 0; i < remote->mode->count; i++) {
 		const remote_element *element = element_at(remote, i);
@@ -137,12 +137,14 @@ int hm2_remote_add_element(hm2_remote *remote, uint8_t mode, uint8_t bits, uint8
 static void adopt_mode(hm2_remote *remote, const remote_mode *mode)
 {
 	remote->mode = mode;
-	remote->illegal_mode = 0;
 	remote->knob[HM2_REMOTE_RECEIVE_SIZE] = mode->receive_size;
 	remote->knob[HM2_REMOTE_TRANSMIT_SIZE] = mode->transmit_size;
 	remote->knob[HM2_REMOTE_PTOC] = mode->ptoc;
 	remote->knob[HM2_REMOTE_GTOC] = mode->gtoc;
-	remote->knob[HM2_REMOTE_FAULT] &= ~(int64_t)HM2_REMOTE_FAULT_ILLEGAL_MODE;
+	if (remote->illegal_mode)
+		*remote_faults(remote) &= ~(int64_t)HM2_REMOTE_FAULT_ILLEGAL_MODE;
+	remote->illegal_mode = 0;
+	remote_show_faults(remote);
 	memset(remote->input_image, 0, sizeof remote->input_image);
 	memset(remote->output_image, 0, sizeof remote->output_image);
 	remote->inputs_stale = 1;
@@ -162,11 +164,23 @@ void remote_select_mode(hm2_remote *remote, uint8_t mode)
 	}
 	/* The last legal layout stays: the sizes of a frame must always be defined. */
 	remote->illegal_mode = 1;
-	remote_outputs_off(remote);
-	remote->knob[HM2_REMOTE_FAULT] |= HM2_REMOTE_FAULT_ILLEGAL_MODE;
+	*remote_faults(remote) |= HM2_REMOTE_FAULT_ILLEGAL_MODE;
+	remote_show_faults(remote);
 }
 
 /* ---- faults and watchdog ----------------------------------------------------------------- */
+
+int64_t *remote_faults(hm2_remote *remote)
+{
+	int word = remote->knob[HM2_REMOTE_MODEL] == HM2_REMOTE_8I20;
+
+	return &remote->knob[word ? HM2_REMOTE_FAULT_WORD : HM2_REMOTE_FAULT];
+}
+
+int remote_gated(hm2_remote *remote)
+{
+	return remote->knob[HM2_REMOTE_FAULT_GATES] && *remote_faults(remote);
+}
 
 void remote_outputs_off(hm2_remote *remote)
 {
@@ -174,11 +188,26 @@ void remote_outputs_off(hm2_remote *remote)
 	remote->outputs_stale = 1;
 }
 
+void remote_show_faults(hm2_remote *remote)
+{
+	int64_t address = remote->knob[HM2_REMOTE_FAULT_ADDRESS];
+
+	if (remote_gated(remote))
+		remote_outputs_off(remote);
+	if (address >= 0) {
+		remote->ram[address] = (uint8_t)remote->knob[HM2_REMOTE_FAULT];
+		remote->ram[address + 1] = 0;
+	}
+	remote_8i20_show_faults(remote);
+	remote->inputs_stale = 1;
+}
+
 void remote_clear_faults(hm2_remote *remote)
 {
 	if (!remote->knob[HM2_REMOTE_FAULT_CLEARS])
 		return;
-	remote->knob[HM2_REMOTE_FAULT] = remote->illegal_mode ? HM2_REMOTE_FAULT_ILLEGAL_MODE : 0;
+	*remote_faults(remote) = remote->illegal_mode ? HM2_REMOTE_FAULT_ILLEGAL_MODE : 0;
+	remote_show_faults(remote);
 	remote_feed_watchdog(remote);
 }
 
@@ -200,39 +229,43 @@ void remote_check_watchdog(hm2_remote *remote)
 {
 	int64_t period = watchdog_ps(remote);
 
-	if (period == 0 || remote->now_ps - remote->fed_ps <= period)
+	if (period == 0 || remote->now_ps - remote->fed_ps <= period || *remote_faults(remote) & HM2_REMOTE_FAULT_WATCHDOG)
 		return;
-	if (!(remote->knob[HM2_REMOTE_FAULT] & HM2_REMOTE_FAULT_WATCHDOG)) {
-		remote->knob[HM2_REMOTE_FAULT] |= HM2_REMOTE_FAULT_WATCHDOG;
-		remote_set_status(remote, HM2_LBP_STATUS_WATCHDOG);
-	}
-	if (remote->knob[HM2_REMOTE_FAULT_GATES])
-		remote_outputs_off(remote);
+	*remote_faults(remote) |= HM2_REMOTE_FAULT_WATCHDOG;
+	remote_set_status(remote, HM2_LBP_STATUS_WATCHDOG);
+	remote_show_faults(remote);
 }
 
 /* ---- the process data RPC ---------------------------------------------------------------- */
 
-static int outputs_taken(const hm2_remote *remote)
+/* A 7I64 is told to clear its watchdog, and tells that it has bitten, in one byte each way. */
+static void process_7i64(hm2_remote *remote, const uint8_t *outputs, size_t sent)
 {
-	return !remote->knob[HM2_REMOTE_FAULT_GATES] || !remote->knob[HM2_REMOTE_FAULT];
+	uint8_t *status = &remote->input_image[STATUS_7I64];
+
+	if (sent > STATUS_7I64 && outputs[STATUS_7I64] & WATCHDOG_7I64 && remote->knob[HM2_REMOTE_FAULT_CLEARS]) {
+		remote_clear_faults(remote);
+		*status &= (uint8_t)~WATCHDOG_7I64;
+	}
+	remote_refresh_inputs(remote);
+	if (remote->knob[HM2_REMOTE_FAULT] & HM2_REMOTE_FAULT_WATCHDOG)
+		*status |= WATCHDOG_7I64;
 }
 
 void remote_process(hm2_remote *remote, const uint8_t *outputs, remote_answer *answer)
 {
 	size_t sent = (size_t)remote->knob[HM2_REMOTE_TRANSMIT_SIZE];
 	size_t size = (size_t)remote->knob[HM2_REMOTE_RECEIVE_SIZE];
-	int64_t model = remote->knob[HM2_REMOTE_MODEL];
 
-	if (outputs_taken(remote)) {
+	remote_feed_watchdog(remote);
+	if (remote->knob[HM2_REMOTE_MODEL] == HM2_REMOTE_7I64)
+		process_7i64(remote, outputs, sent);
+	if (!remote_gated(remote)) {
 		memcpy(remote->output_image, outputs, sent);
 		remote->outputs_stale = 1;
 	}
-	remote_feed_watchdog(remote);
-	if (model == HM2_REMOTE_7I64 && sent > STATUS_7I64 && outputs[STATUS_7I64] & WATCHDOG_7I64 &&
-	    remote->knob[HM2_REMOTE_FAULT_CLEARS])
-		remote->input_image[STATUS_7I64] &= (uint8_t)~WATCHDOG_7I64;
 	remote_refresh_inputs(remote);
-	if (model == HM2_REMOTE_GENERIC) {
+	if (remote->knob[HM2_REMOTE_MODEL] == HM2_REMOTE_GENERIC) {
 		answer->bytes[answer->length++] = (uint8_t)remote->knob[HM2_REMOTE_FAULT];
 		size--;
 	}

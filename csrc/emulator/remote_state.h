@@ -71,7 +71,7 @@ struct hm2_remote {
 	int64_t bit_ps;
 	uint8_t locals[0x20]; /* local registers that only keep what is written */
 	uint16_t pointer;
-	uint8_t pid_enabled; /* 8I20 stand-in */
+	uint8_t pid_enabled; /* 8I20 */
 	uint8_t input_image[IMAGE_SIZE];
 	uint8_t output_image[IMAGE_SIZE];
 	uint8_t inputs_stale;  /* RAM is newer than the image */
@@ -123,7 +123,14 @@ void remote_ram_to_images(hm2_remote *remote, uint32_t address, size_t length);
 void remote_refresh_inputs(hm2_remote *remote);
 void remote_inputs_to_ram(hm2_remote *remote);
 
-/* remote_8i20.c: RAM words of the 8I20 stand-in that are more than memory. */
+/* The faults that count: an 8I20 has a word of them, the others a byte. */
+int64_t *remote_faults(hm2_remote *remote);
+int remote_gated(hm2_remote *remote);
+/* After a change of the faults: outputs, RAM. */
+void remote_show_faults(hm2_remote *remote);
+
+/* remote_8i20.c: RAM words of the 8I20 that are more than memory. */
+void remote_8i20_show_faults(hm2_remote *remote);
 void remote_8i20_before_read(hm2_remote *remote, uint16_t address, size_t length);
 void remote_8i20_after_write(hm2_remote *remote, uint16_t address, size_t length);
 
