@@ -7,6 +7,7 @@ struct hm2_board {
 	hm2_bus bus;
 	int open;
 	int outstanding; /* a begin without its finish */
+	int gate_shut;   /* writes are refused */
 	int64_t timeout_ns;
 	uint64_t reads_begun; /* words of the outstanding list, counted when it has come back */
 	uint64_t writes_begun;
@@ -61,6 +62,16 @@ void hm2_board_pause_ns(struct hm2_board *board, int64_t ns)
 		board->bus.pause_ns(board->bus.self, ns);
 }
 
+void hm2_board_set_gate(struct hm2_board *board, int shut)
+{
+	board->gate_shut = shut;
+}
+
+int hm2_board_gate_is_shut(const struct hm2_board *board)
+{
+	return board->gate_shut;
+}
+
 static int out_of_range(hm2_error *error, uint32_t address, uint32_t expected, uint32_t received)
 {
 	const int status = hm2_error_set(error, HM2_ERR_RANGE, "board");
@@ -112,6 +123,8 @@ int hm2_begin(struct hm2_board *board, const hm2_transfer *transfers, size_t cou
 		}
 		*(transfers[i].flags & HM2_TRANSFER_WRITE ? &writes : &reads) += transfers[i].count;
 	}
+	if (writes && board->gate_shut)
+		return hm2_error_set(error, HM2_ERR_GATED, "board");
 	const int status = board->bus.begin(board->bus.self, transfers, count, error);
 	if (status != HM2_OK) {
 		board->counters.failures++;

@@ -59,6 +59,8 @@ static int append(struct hm2_cycle *cycle, appender list, void *self, hm2_error 
 static int begin(struct hm2_cycle *cycle, int reads, int writes, hm2_error *error)
 {
 	int status = HM2_OK;
+	if (hm2_board_gate_is_shut(cycle->board))
+		writes = 0; /* a bite ends the outputs, not the view of the machine */
 	cycle->transfers = 0;
 	cycle->processes = reads;
 	for (size_t i = 0; reads && i < cycle->parts && status == HM2_OK; i++)

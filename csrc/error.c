@@ -29,6 +29,7 @@ const char *hm2_status_name(int status)
 	case HM2_ERR_NO_MEMORY: return "out of memory";
 	case HM2_ERR_READ_ONLY: return "read only";
 	case HM2_ERR_FORMAT: return "broken table";
+	case HM2_ERR_GATED: return "writes held back after a watchdog bite";
 	default: return "unknown status";
 	}
 }

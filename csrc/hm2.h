@@ -27,7 +27,8 @@ enum hm2_status {
 	HM2_ERR_BUSY = -7,      /* the card is still at work on the last command */
 	HM2_ERR_NO_MEMORY = -8,
 	HM2_ERR_READ_ONLY = -9,
-	HM2_ERR_FORMAT = -10    /* a table in the card's or a remote's memory is broken: address, detail */
+	HM2_ERR_FORMAT = -10,   /* a table in the card's or a remote's memory is broken: address, detail */
+	HM2_ERR_GATED = -11     /* writes are held back until the user has acknowledged a watchdog bite */
 };
 
 typedef struct hm2_error {
@@ -92,6 +93,11 @@ void hm2_board_get_counters(const struct hm2_board *board, hm2_board_counters *c
 /* The bus's clock, and letting its time pass. 0 and nothing after close. */
 int64_t hm2_board_now_ns(struct hm2_board *board);
 void hm2_board_pause_ns(struct hm2_board *board, int64_t ns);
+
+/* While the gate is shut every list with a write in it fails with HM2_ERR_GATED and nothing is sent. Shut by
+ * a watchdog bite; opened by whoever has decided that the machine may move again. */
+void hm2_board_set_gate(struct hm2_board *board, int shut);
+int hm2_board_gate_is_shut(const struct hm2_board *board);
 
 /* count consecutive words. After a failure the words read are not to be used. */
 int hm2_read(struct hm2_board *board, uint32_t address, uint32_t *words, size_t count, hm2_error *error);
@@ -480,7 +486,7 @@ void hm2_cycle_free(struct hm2_cycle *cycle);
 /* Participants read and write in the order they were added; all reads come before all writes.
  * HM2_ERR_RANGE: more than HM2_CYCLE_PARTS. */
 int hm2_cycle_add(struct hm2_cycle *cycle, const hm2_cyclic *part, hm2_error *error);
-/* Read, write, process: one exchange. The reads see what the writes of earlier cycles caused. */
+/* Read, write, process: one exchange. While the board's gate is shut nothing is written. The reads see what the writes of earlier cycles caused. */
 int hm2_cycle_run(struct hm2_cycle *cycle, hm2_error *error);
 /* The same in two halves; several cards begin before the first finishes. */
 int hm2_cycle_begin(struct hm2_cycle *cycle, hm2_error *error);
@@ -497,6 +503,18 @@ typedef struct hm2_cyclic_words {
 } hm2_cyclic_words;
 
 void hm2_cyclic_words_part(hm2_cyclic_words *words, hm2_cyclic *part);
+
+/* The watchdog's part: status is read each cycle; armed, the counter is reloaded each cycle. A bite is kept in
+ * has_bitten until the owner clears it, and shuts the board's gate. */
+typedef struct hm2_watchdog {
+	struct hm2_board *board;
+	uint32_t status_address, reset_address;
+	uint32_t status, reset; /* words of the exchange */
+	int32_t armed;
+	int32_t has_bitten;
+} hm2_watchdog;
+
+void hm2_watchdog_part(hm2_watchdog *watchdog, hm2_cyclic *part);
 
 /* All encoders of one module: TSCount, then counts, then controls; controls written only when they must be. */
 typedef struct hm2_encoders {

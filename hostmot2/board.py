@@ -55,6 +55,7 @@ class Board:
         self.read_only = transport.read_only
         self._transport = transport
         self._parts: dict[str, Any] = {}
+        self._restore: list[Callable[[], object]] = []
         self._safe_off: list[tuple[int, int, Callable[[], object]]] = []
         self._owner = os.getpid()
         self._closed = False
@@ -176,6 +177,16 @@ class Board:
         """
         self._safe_off.append((order, -len(self._safe_off), action))
 
+    def on_restore(self, action: Callable[[], object]) -> None:
+        """Call `action` when the card's configuration must be written anew; in order of registration."""
+        self._restore.append(action)
+
+    def restore(self) -> None:
+        """Write the card's configuration anew, as after a watchdog bite or a lost link; outputs stay off."""
+        with self.lock:
+            for action in self._restore:
+                action()
+
     def close(self) -> None:
         """Turn outputs off, let the transport go. Idempotent.
 
@@ -185,6 +196,7 @@ class Board:
             if self._closed:
                 return
             self._closed = True
+            lib.hm2_board_set_gate(self._handle, 0)  # making safe is writing, too
             # a forked child shares the card with its parent, whose outputs it must not turn off
             failed = self._make_safe() if os.getpid() == self._owner else []
             self._close_bus()

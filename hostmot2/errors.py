@@ -17,6 +17,9 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |         +-- KernelLockdown
      +-- BoardError                     the card's description of itself is wrong or not supported
      |    +-- ModuleMissing
+     |    +-- UnsupportedFirmware
+     |    +-- PinInUse
+     |    +-- WatchdogBite
      |    +-- IdromError
      |         +-- WrongCookie
      |         +-- WrongConfigName
@@ -179,6 +182,27 @@ class ModuleMissing(BoardError):
 
     code = "HM2-E051"
     fix = "`hm2 modules` lists what the loaded firmware contains; another bitfile may have it."
+
+
+class UnsupportedFirmware(BoardError):
+    """The loaded firmware's version of a module cannot do what was asked for."""
+
+    code = "HM2-E052"
+    fix = "`hm2 modules` tells the versions; a newer bitfile may be able to."
+
+
+class PinInUse(BoardError):
+    """A pin belongs to somebody else."""
+
+    code = "HM2-E053"
+    fix = "`hm2 pins` tells who has which pin."
+
+
+class WatchdogBite(BoardError):
+    """The card's watchdog has let go of all outputs; writes are held back until it is acknowledged."""
+
+    code = "HM2-E041"
+    fix = "Find out what kept the host from its exchanges, then call watchdog.acknowledge()."
 
 
 class IdromError(BoardError):
@@ -426,6 +450,7 @@ _BY_STATUS: dict[int, type[HostMot2Error]] = {
     lib.HM2_ERR_PROTOCOL: ProtocolError,
     lib.HM2_ERR_CLOSED: TransportClosed,
     lib.HM2_ERR_READ_ONLY: ReadOnly,
+    lib.HM2_ERR_GATED: WatchdogBite,
 }
 
 

@@ -7,4 +7,11 @@ Board.on_close.
 
 from __future__ import annotations
 
-PARTS: dict[str, tuple[str, str]] = {}
+PARTS: dict[str, tuple[str, str]] = {
+    "cycle": ("hostmot2.cycle", "Cycle"),
+    "ioport": ("hostmot2.modules.ioport", "Ioport"),
+    "gpio": ("hostmot2.modules.ioport", "Gpio"),
+    "watchdog": ("hostmot2.modules.watchdog", "Watchdog"),
+    "leds": ("hostmot2.modules.led", "Leds"),
+    "encoders": ("hostmot2.modules.encoder", "Encoders"),
+}
