@@ -188,6 +188,31 @@ int hm2_process_data_zero(struct hm2_process_data *process_data, size_t index, h
 /* Counters of a channel as at the beginning: the next reading counts from 0. For a remote started anew. */
 void hm2_process_data_restart(struct hm2_process_data *process_data, int channel);
 
+/* ---- bulk decode (bulk.c): recorded cycles to columns --------------------------------------- */
+
+enum hm2_column_type { HM2_COLUMN_F64, HM2_COLUMN_F32, HM2_COLUMN_U32, HM2_COLUMN_U64, HM2_COLUMN_U8 };
+
+#define HM2_BULK_WORDS 64 /* of one record, at most */
+
+/* One field over many records. Same formulas and bit-identical results as unpack; counters come as
+ * their readings. UNSIGNED, SIGNED, FLOAT fill F64 or F32 (the F64 value rounded), BOOLEAN fills U8 with
+ * 0 and 1, all kinds fill U32 (up to 32 bits) and U64 with raw bits. */
+typedef struct hm2_column {
+	void *data;           /* one entry per record */
+	int32_t type;         /* enum hm2_column_type */
+	int32_t kind;         /* enum hm2_field_kind */
+	uint32_t bits;
+	uint32_t offset;      /* of the least significant bit, from bit 0 of first_word */
+	uint32_t first_word;  /* of the field's channel within a record */
+	uint32_t word_stride; /* words between consecutive registers of the channel */
+	double scale;
+} hm2_column;
+
+/* Records are little-endian register words, `stride` bytes apart, at any alignment; every record has
+ * `words` words. HM2_ERR_RANGE: index = the column that cannot be. */
+int hm2_bulk_decode(const uint8_t *records, size_t stride, uint32_t words, size_t count,
+                    const hm2_column *columns, size_t column_count, hm2_error *error);
+
 /* ---- LBP16 codec (lbp16.c): pure functions on caller buffers, used by both sides ---------- */
 
 #define HM2_LBP16_PORT 27181

@@ -1,4 +1,4 @@
-"""Packing, scaling, clamping and counting of process data, against the tables of sserial.md 6 and a plain packer."""
+"""Packing, scaling, clamping and counting, against the tables of sserial.md 6 and a plain packer."""
 
 import math
 import struct

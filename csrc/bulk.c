@@ -1,0 +1,331 @@
+/* Decodes recorded cycles into columns, block by block: the words of a block are first turned into rows,
+ * then each field is a loop over contiguous memory that the compiler turns into vector instructions. A block
+ * stays in the processor's cache, so that the time is that of writing the output. */
+#include <string.h>
+
+#ifdef __SSE2__
+#include <emmintrin.h>
+#endif
+
+#include "error.h"
+#include "process_data.h"
+
+#define BLOCK 512
+#define CACHE_BYTES (4u << 20) /* output beyond this goes past the cache: about a share of a third level */
+#define INLINE static inline __attribute__((always_inline))
+
+typedef uint32_t block_rows[HM2_BULK_WORDS][BLOCK];
+
+typedef struct block {
+	block_rows rows;
+	uint32_t narrow[BLOCK]; /* raw bits of the field at work, if up to 32 */
+	uint64_t wide[BLOCK];   /* the same, if more */
+	double values[BLOCK];
+	float rounded[BLOCK];
+	uint8_t truths[BLOCK];
+	size_t count;
+	int past_cache; /* see put */
+} block;
+
+static const size_t sizes[] = {
+	[HM2_COLUMN_F64] = 8, [HM2_COLUMN_F32] = 4, [HM2_COLUMN_U32] = 4, [HM2_COLUMN_U64] = 8, [HM2_COLUMN_U8] = 1,
+};
+
+static inline uint32_t load_le32(const uint8_t *bytes)
+{
+	return (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
+}
+
+/* x / divisor, correctly rounded, for divisors that are integers of up to 32 bits. A division per value takes
+ * longer than writing the result. With a fused multiply-add the quotient by the reciprocal can be corrected
+ * instead: its remainder is a small multiple of the last place and so computed without rounding, and no
+ * quotient by so small a divisor lies close enough to the middle between two doubles for what error is left
+ * to matter. Near the ends of the range of doubles this does not hold: see may_fuse. */
+INLINE double divided(double x, double divisor, double reciprocal, int fused)
+{
+	if (!fused)
+		return x / divisor;
+	double quotient = x * reciprocal;
+	return __builtin_fma(__builtin_fma(-quotient, divisor, x), reciprocal, quotient);
+}
+
+static int may_fuse(const hm2_column *column)
+{
+	double magnitude = column->scale < 0 ? -column->scale : column->scale;
+	return column->bits <= 32 && magnitude > 1e-200 && magnitude < 1e200;
+}
+
+INLINE void get_narrow(block *at, const hm2_column *column, uint32_t word, uint32_t shift)
+{
+	const uint32_t *restrict low = at->rows[word];
+	uint32_t *restrict raw = at->narrow;
+	uint32_t mask = (uint32_t)hm2_low_bits(column->bits);
+	if (shift + column->bits <= 32) {
+		for (size_t i = 0; i < at->count; i++)
+			raw[i] = low[i] >> shift & mask;
+		return;
+	}
+	const uint32_t *restrict high = at->rows[word + column->word_stride];
+	for (size_t i = 0; i < at->count; i++)
+		raw[i] = (low[i] >> shift | high[i] << (32 - shift)) & mask;
+}
+
+INLINE void get_wide(block *at, const hm2_column *column, uint32_t word, uint32_t shift)
+{
+	const uint32_t *restrict low = at->rows[word];
+	const uint32_t *restrict middle = at->rows[word + column->word_stride];
+	uint64_t *restrict raw = at->wide;
+	uint64_t mask = hm2_low_bits(column->bits);
+	for (size_t i = 0; i < at->count; i++)
+		raw[i] = (low[i] | (uint64_t)middle[i] << 32) >> shift & mask;
+	if (shift + column->bits <= 64)
+		return;
+	const uint32_t *restrict top = at->rows[word + 2 * column->word_stride];
+	for (size_t i = 0; i < at->count; i++)
+		raw[i] = (raw[i] | (uint64_t)top[i] << (64 - shift)) & mask;
+}
+
+INLINE void scale_narrow(block *at, const hm2_column *column, int fused)
+{
+	const uint32_t *restrict raw = at->narrow;
+	double *restrict values = at->values;
+	double scale = column->scale;
+	if (column->kind == HM2_FIELD_SIGNED) {
+		uint32_t align = 32 - column->bits;
+		for (size_t i = 0; i < at->count; i++)
+			values[i] = divided((double)(int32_t)(raw[i] << align), 2147483647.0, 1.0 / 2147483647.0, fused) * scale;
+		return;
+	}
+	double full = (double)hm2_low_bits(column->bits);
+	double reciprocal = 1.0 / full;
+	if (column->bits == 32)
+		for (size_t i = 0; i < at->count; i++)
+			values[i] = divided((double)raw[i] * scale, full, reciprocal, fused);
+	else /* conversion of a signed int is an instruction everywhere */
+		for (size_t i = 0; i < at->count; i++)
+			values[i] = divided((double)(int32_t)raw[i] * scale, full, reciprocal, fused);
+}
+
+INLINE void scale_wide(block *at, const hm2_column *column)
+{
+	const uint64_t *restrict raw = at->wide;
+	double *restrict values = at->values;
+	double scale = column->scale;
+	if (column->kind == HM2_FIELD_SIGNED) {
+		uint32_t align = 64 - column->bits;
+		for (size_t i = 0; i < at->count; i++)
+			values[i] = (double)(int64_t)(raw[i] << align) / 9223372036854775808.0 * scale;
+		return;
+	}
+	double full = (double)hm2_low_bits(column->bits);
+	for (size_t i = 0; i < at->count; i++)
+		values[i] = (double)raw[i] * scale / full;
+}
+
+INLINE void widen_floats(block *at)
+{
+	for (size_t i = 0; i < at->count; i++) {
+		float value;
+		memcpy(&value, &at->narrow[i], sizeof value);
+		at->values[i] = (double)value;
+	}
+}
+
+INLINE void get_values(block *at, const hm2_column *column, int fused)
+{
+	if (column->kind == HM2_FIELD_FLOAT && column->bits == 64)
+		memcpy(at->values, at->wide, at->count * sizeof at->values[0]);
+	else if (column->kind == HM2_FIELD_FLOAT)
+		widen_floats(at);
+	else if (column->bits > 32)
+		scale_wide(at, column);
+	else if (fused && may_fuse(column))
+		scale_narrow(at, column, 1);
+	else
+		scale_narrow(at, column, 0);
+}
+
+INLINE void round_values(block *at)
+{
+	for (size_t i = 0; i < at->count; i++)
+		at->rounded[i] = (float)at->values[i];
+}
+
+INLINE void get_truths(block *at, int wide)
+{
+	if (wide)
+		for (size_t i = 0; i < at->count; i++)
+			at->truths[i] = at->wide[i] != 0;
+	else
+		for (size_t i = 0; i < at->count; i++)
+			at->truths[i] = at->narrow[i] != 0;
+}
+
+INLINE void widen_words(block *at)
+{
+	for (size_t i = 0; i < at->count; i++)
+		at->wide[i] = at->narrow[i];
+}
+
+/* Past the cache if the whole output would not fit there anyway: the lines need not be read before they are
+ * overwritten, which halves the traffic. Lines this block shares with a neighbour go through the cache. */
+static void put(uint8_t *to, const void *from, size_t size, int past_cache)
+{
+#ifdef __SSE2__
+	size_t head = (size_t)(-(uintptr_t)to & 63);
+	if (past_cache && size >= head + 64) {
+		const uint8_t *source = (const uint8_t *)from + head;
+		memcpy(to, from, head);
+		to += head;
+		size -= head;
+		for (; size >= 16; size -= 16, to += 16, source += 16)
+			_mm_stream_si128((__m128i *)(void *)to, _mm_loadu_si128((const __m128i *)(const void *)source));
+		from = source;
+	}
+#else
+	(void)past_cache;
+#endif
+	memcpy(to, from, size);
+}
+
+INLINE void put_column(block *at, const hm2_column *column, size_t first, int wide, int fused)
+{
+	const void *source = wide ? (const void *)at->wide : at->narrow;
+	size_t size = sizes[column->type];
+	switch (column->type) {
+	case HM2_COLUMN_F64:
+		get_values(at, column, fused);
+		source = at->values;
+		break;
+	case HM2_COLUMN_F32:
+		get_values(at, column, fused);
+		round_values(at);
+		source = at->rounded;
+		break;
+	case HM2_COLUMN_U8:
+		get_truths(at, wide);
+		source = at->truths;
+		break;
+	case HM2_COLUMN_U64:
+		if (!wide)
+			widen_words(at);
+		source = at->wide;
+		break;
+	default: break;
+	}
+	put((uint8_t *)column->data + first * size, source, at->count * size, at->past_cache);
+}
+
+INLINE void decode_columns(block *at, const hm2_column *columns, size_t count, size_t first, int fused)
+{
+	for (const hm2_column *column = columns; column < columns + count; column++) {
+		uint32_t word = column->first_word + column->offset / 32 * column->word_stride;
+		int wide = column->bits > 32;
+		if (wide)
+			get_wide(at, column, word, column->offset % 32);
+		else
+			get_narrow(at, column, word, column->offset % 32);
+		put_column(at, column, first, wide, fused);
+	}
+}
+
+/* The same code for what every processor has and for two wider levels. */
+static void decode_plain(block *at, const hm2_column *columns, size_t count, size_t first)
+{
+	decode_columns(at, columns, count, first, 0);
+}
+
+typedef void decoder(block *at, const hm2_column *columns, size_t count, size_t first);
+
+#if defined(__x86_64__) && defined(__GNUC__)
+__attribute__((target("avx2,fma"))) static void decode_avx2(block *at, const hm2_column *columns, size_t count,
+                                                             size_t first)
+{
+	decode_columns(at, columns, count, first, 1);
+}
+
+__attribute__((target("avx512f,avx512dq,avx512vl,avx512bw,fma"))) static void
+decode_avx512(block *at, const hm2_column *columns, size_t count, size_t first)
+{
+	decode_columns(at, columns, count, first, 1);
+}
+
+static decoder *choose_decoder(void)
+{
+	if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma"))
+		return decode_plain;
+	if (!__builtin_cpu_supports("avx512dq") || !__builtin_cpu_supports("avx512vl") ||
+	    !__builtin_cpu_supports("avx512bw"))
+		return decode_avx2;
+	return decode_avx512;
+}
+#else
+static decoder *choose_decoder(void)
+{
+	return decode_plain;
+}
+#endif
+
+static void fill_rows(block *at, const uint8_t *records, size_t stride, uint32_t words)
+{
+	for (uint32_t word = 0; word < words; word++) {
+		const uint8_t *from = records + 4 * (size_t)word;
+		uint32_t *restrict row = at->rows[word];
+		for (size_t i = 0; i < at->count; i++)
+			row[i] = load_le32(from + i * stride);
+	}
+}
+
+static int is_type_of_kind(const hm2_column *column)
+{
+	switch (column->type) {
+	case HM2_COLUMN_F64:
+	case HM2_COLUMN_F32:
+		return column->kind == HM2_FIELD_UNSIGNED || column->kind == HM2_FIELD_SIGNED ||
+		       (column->kind == HM2_FIELD_FLOAT && (column->bits == 32 || column->bits == 64));
+	case HM2_COLUMN_U32: return column->bits <= 32;
+	case HM2_COLUMN_U64: return 1;
+	case HM2_COLUMN_U8: return column->kind == HM2_FIELD_BOOLEAN;
+	default: return 0;
+	}
+}
+
+static int check_column(const hm2_column *column, uint32_t words)
+{
+	if (column->bits < 1 || column->bits > 64 || !is_type_of_kind(column) || !column->data)
+		return HM2_ERR_RANGE;
+	uint64_t last = ((uint64_t)column->offset + column->bits - 1) / 32;
+	if (column->first_word + last * column->word_stride >= words)
+		return HM2_ERR_RANGE;
+	return HM2_OK;
+}
+
+int hm2_bulk_decode(const uint8_t *records, size_t stride, uint32_t words, size_t count,
+                    const hm2_column *columns, size_t column_count, hm2_error *error)
+{
+	int status = words < 1 || words > HM2_BULK_WORDS ? HM2_ERR_RANGE : HM2_OK;
+	size_t index = 0;
+	for (; status == HM2_OK && index < column_count; index++)
+		status = check_column(&columns[index], words);
+	if (status != HM2_OK) {
+		hm2_error_set(error, status, "bulk decode");
+		if (error)
+			error->index = (int32_t)index - 1;
+		return status;
+	}
+	decoder *decode = choose_decoder();
+	size_t output = 0;
+	for (index = 0; index < column_count; index++)
+		output += count * sizes[columns[index].type];
+	block at;
+	at.past_cache = output > CACHE_BYTES;
+	for (size_t first = 0; first < count; first += BLOCK) {
+		at.count = count - first < BLOCK ? count - first : BLOCK;
+		fill_rows(&at, records + first * stride, stride, words);
+		decode(&at, columns, column_count, first);
+	}
+#ifdef __SSE2__
+	_mm_sfence();
+#endif
+	return HM2_OK;
+}
