@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
 
 from hostmot2._core import lib
+from hostmot2.bulk import Columns, Records, decode
 from hostmot2.errors import check, new_error
 from hostmot2.fields import Direction, Field, FieldKind
 from hostmot2.layout import COUNTERS, Scaling, table
@@ -133,6 +137,20 @@ class Elements(Mapping[str, Value]):
             old.invert if invert is None else int(invert),
         )
         self._data._configure(self._index[name], new)
+
+    def decode(
+        self,
+        records: Records,
+        *,
+        dtype: npt.DTypeLike = np.float64,
+        out: Mapping[str, npt.NDArray[Any]] | None = None,
+    ) -> Columns:
+        """Recorded registers of this channel alone, [record, register], to one column per element.
+
+        See `bulk.decode`.
+        """
+        sources = self._data._sources(self._channel, self._direction, 0, "")
+        return decode(sources, records, (1, self._data.input_image.shape[1]), dtype, out)
 
     def __repr__(self) -> str:
         rows = [("element", "value", "unit", "raw", "kind", "bits")]

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from hostmot2._core import ffi, lib
+from hostmot2.bulk import Columns, Records, Source, decode
 from hostmot2.elements import Bits, Elements, Inputs, Outputs
 from hostmot2.errors import check, new_error
 from hostmot2.fields import Direction, Field, FieldKind
@@ -82,6 +83,36 @@ class ProcessData:
     def restart(self, channel: int) -> None:
         """Counters of a channel as at the beginning, for a remote that was started anew."""
         lib.hm2_process_data_restart(self._plan, channel)
+
+    def decode(
+        self,
+        records: Records,
+        direction: Direction = Direction.INPUT,
+        *,
+        dtype: npt.DTypeLike = np.float64,
+        out: Mapping[str, npt.NDArray[Any]] | None = None,
+    ) -> Columns:
+        """Recorded images of one direction to one column per element, with the scaling in use now.
+
+        Keys are element names, with more than one channel `"0.input"`. See `bulk.decode` for the rest.
+        """
+        image = self.input_image if direction is Direction.INPUT else self.output_image
+        shape = (image.shape[0], image.shape[1])
+        sources: list[Source] = []
+        for channel in self.layouts:
+            prefix = f"{channel}." if len(self.layouts) > 1 else ""
+            sources += self._sources(channel, direction, channel, prefix)
+        return decode(sources, records, shape, dtype, out)
+
+    def _sources(self, channel: int, direction: Direction, row: int, prefix: str) -> list[Source]:
+        elements = self.layouts[channel].elements
+        sources = []
+        for index, (owner, element) in enumerate(self._elements):
+            if owner == channel and element.direction is direction and element.is_visible:
+                partner = None if element.partner is None else prefix + elements[element.partner].name
+                scaling = self._scalings[index]
+                sources.append(Source(prefix + element.name, row, element, scaling, partner))
+        return sources
 
     def _compile(self) -> Any:
         first = {channel: 0 for channel in self.layouts}
