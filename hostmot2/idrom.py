@@ -82,13 +82,15 @@ class ModuleDescriptor:
         optional registers are not counted. Raises ValueError for an instance, channel or address that
         cannot be. Source: fact sheet registers 1.4, exceptions included.
         """
+        if register < 0:
+            raise ValueError(f"{self.name}: no register {register}")
         if not 0 <= instance < max(self.instances, 1):
             raise ValueError(f"{self.name}: instance {instance} of {self.instances}")
         if not 0 <= channel < self._channels(register):
             raise ValueError(f"{self.name}: register {register} has no channel {channel}")
         address = self.base + register * self.register_stride + 4 * channel
         address += instance * self._instance_step(register)
-        if register < 0 or not 0 < address <= lib.HM2_ADDRESS_SPACE - 4:
+        if not 0 < address <= lib.HM2_ADDRESS_SPACE - 4:
             raise ValueError(f"{self.name}: register {register} would be at 0x{address:X}")
         return address
 
@@ -97,8 +99,6 @@ class ModuleDescriptor:
             return self.instance_stride  # COMMAND and DATA repeat too, though their bits say global
         if self.gtag in _BSPI and register > 0:
             return 4  # only the FIFO port is as wide as the stride
-        if self.gtag == Gtag.FANUC and register == 5:
-            return 0  # the global start lies behind the counted registers
         return self.instance_stride if self.multiple >> register & 1 else 0
 
     def _channels(self, register: int) -> int:
