@@ -49,7 +49,8 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |         +-- DuplicateOutput
      +-- SserialError                   a smart-serial port, channel or remote failed
 
-A code (HM2-E0xx) is stable: once given to a class it is never given to another.
+A code (HM2-E0xx) is stable: once given to a class it is never given to another. E010 to E019 transports,
+E020 to E039 smart serial, E040 to E049 modules at work, E050 to E079 the card's description.
 """
 
 from __future__ import annotations
@@ -187,14 +188,14 @@ class ModuleMissing(BoardError):
 class UnsupportedFirmware(BoardError):
     """The loaded firmware's version of a module cannot do what was asked for."""
 
-    code = "HM2-E052"
+    code = "HM2-E042"
     fix = "`hm2 modules` tells the versions; a newer bitfile may be able to."
 
 
 class PinInUse(BoardError):
     """A pin belongs to somebody else."""
 
-    code = "HM2-E053"
+    code = "HM2-E043"
     fix = "`hm2 pins` tells who has which pin."
 
 
