@@ -213,6 +213,30 @@ typedef struct hm2_column {
 int hm2_bulk_decode(const uint8_t *records, size_t stride, uint32_t words, size_t count,
                     const hm2_column *columns, size_t column_count, hm2_error *error);
 
+/* ---- latency histogram (histogram.c): fixed memory, a few nanoseconds per value ------------- */
+
+/* Buckets are at most 1/128 of their value wide, up to 2^40 ns (18 minutes); beyond, values share the last
+ * one. Minimum, maximum and sum are exact. All zero is an empty histogram. One thread records; others may
+ * look, and see each number whole. */
+typedef struct hm2_histogram {
+	uint64_t count;
+	uint64_t sum_ns;
+	int64_t minimum_ns; /* of nothing: 0 */
+	int64_t maximum_ns;
+	uint64_t buckets[4352];
+} hm2_histogram;
+
+/* A time before its beginning (negative) is counted as 0. */
+void hm2_histogram_record(hm2_histogram *histogram, int64_t ns);
+void hm2_histogram_record_many(hm2_histogram *histogram, const int64_t *ns, size_t count);
+void hm2_histogram_merge(hm2_histogram *into, const hm2_histogram *from);
+void hm2_histogram_reset(hm2_histogram *histogram);
+/* The value that `percent` (0..100) of the values do not exceed, rounded up to the edge of its bucket but never
+ * beyond the maximum; 0 gives the minimum. -1: nothing recorded, or percent out of range. */
+int64_t hm2_histogram_percentile(const hm2_histogram *histogram, double percent);
+/* Smallest value of a bucket, and for index = number of buckets the end of the last; -1 beyond. */
+int64_t hm2_histogram_bucket_start(size_t index);
+
 /* ---- LBP16 codec (lbp16.c): pure functions on caller buffers, used by both sides ---------- */
 
 #define HM2_LBP16_PORT 27181
