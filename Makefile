@@ -1,25 +1,51 @@
-# make demo and make test set themselves up: a virtual environment in .venv, the extension built in place.
-PYTHON  ?= python3
+# Every target sets itself up: a virtual environment in .venv, the extension built in place.
 VENV    := .venv
 PY      := $(VENV)/bin/python
 CORE    := $(shell find csrc -name '*.c' -o -name '*.h')
 EXT     := hostmot2/_core.abi3.so
+FUZZ_SECONDS ?= 60
 
-.PHONY: all demo test check clean
+.PHONY: all demo test check bench docs fuzz registers clean
 all: $(EXT)
 
-$(VENV)/ready: pyproject.toml
-	$(PYTHON) -m venv $(VENV)
-	$(PY) -m pip install -q --upgrade pip "setuptools>=77" wheel
-	$(PY) -m pip install -q -e ".[plot,serial,record]" --group dev
-	touch $@
+$(VENV)/ready: pyproject.toml tools/venv
+	@tools/venv $(VENV) test
+	@touch $@
+
+# what make check, docs and bench need on top
+$(VENV)/ready-dev: $(VENV)/ready
+	@tools/venv $(VENV) dev
+	@touch $@
 
 $(EXT): $(CORE) csrc/build_ffi.py setup.py $(VENV)/ready
-	$(PY) setup.py -q build_ext --inplace
-	touch $@
+	@echo "building $(EXT)"
+	@$(PY) setup.py -q build_ext --inplace
+	@touch $@
+
+demo: $(EXT)
+	@$(PY) -m hostmot2.demo
 
 test: $(EXT)
-	$(VENV)/bin/pytest -q -n auto -m "not slow"
+	@$(PY) -m pytest -q -n auto -m "not slow"
+
+check: $(EXT) $(VENV)/ready-dev
+	@$(PY) tools/check.py
+
+bench: $(EXT) $(VENV)/ready-dev
+	@$(PY) -m bench
+
+docs: $(EXT) $(VENV)/ready-dev
+	@$(PY) registers/generate.py --check
+	@$(PY) -m mkdocs build -q --strict
+
+# longer than in make check; finds go to build/c/fuzz
+fuzz: $(EXT)
+	@$(MAKE) --no-print-directory -f tests/c/Makefile fuzz SECONDS_EACH=$(FUZZ_SECONDS)
+
+# after a change in registers/*.rdl
+registers: $(VENV)/ready-dev
+	@$(PY) registers/generate.py
 
 clean:
-	rm -rf build dist $(VENV) $(EXT) hostmot2/_core.c
+	rm -rf build dist site *.egg-info $(EXT) hostmot2/_core.c
+	[ -L $(VENV) ] || rm -rf $(VENV)

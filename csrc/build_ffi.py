@@ -18,6 +18,7 @@ def declarations(header: str) -> str:
 
 
 def files(pattern: str) -> list[str]:
+    """Files below csrc/, relative to the project as setuptools wants them."""
     return sorted(str(path.relative_to(ROOT)) for path in CSRC.rglob(pattern))
 
 
@@ -30,7 +31,16 @@ ffibuilder.set_source(
     depends=files("*.h"),
     include_dirs=["csrc"],
     libraries=["m"],
-    extra_compile_args=["-std=c11", "-O3", "-g", "-D_GNU_SOURCE", "-pthread", "-Wall", "-Wextra", "-fvisibility=hidden"],
+    extra_compile_args=[
+        "-std=c11",
+        "-O3",
+        "-g",
+        "-D_GNU_SOURCE",
+        "-pthread",
+        "-Wall",
+        "-Wextra",
+        "-fvisibility=hidden",
+    ],
     extra_link_args=["-pthread"],
     py_limited_api=True,
 )

@@ -297,11 +297,12 @@ size_t remote_command_length(const hm2_remote *remote, uint8_t header)
 int remote_obey(hm2_remote *remote, const uint8_t *frame, size_t length, remote_answer *answer)
 {
 	byte_source source = { .bytes = frame, .left = length };
+	const uint8_t *first;
 
 	answer->length = 0;
 	answer->broken = 0;
-	while (source.left) {
-		uint8_t header = *take(&source, 1);
+	while ((first = take(&source, 1)) != NULL) {
+		uint8_t header = *first;
 		int refused;
 
 		switch (LBP_KIND(header)) {

@@ -1,0 +1,291 @@
+"""Everything `make check` checks, two steps at a time; prints what failed and, loudly, what was skipped.
+
+python tools/check.py [STEP...]     all steps, or those named
+python tools/check.py --list
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+BUILD = ROOT / "build"
+PYTHON = sys.executable
+FUZZ_SECONDS = 10
+SANITIZE = "-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g"
+
+
+class Failed(Exception):
+    """A step found something; the text is its output."""
+
+
+class Skipped(Exception):
+    """A step could not run here; the text is the reason."""
+
+
+STEPS: dict[str, Callable[[], str]] = {}
+SETUPTOOLS = threading.Lock()  # two builds in one tree would share hostmot2.egg-info
+CLANG = threading.Lock()
+
+
+def step(function: Callable[[], str]) -> Callable[[], str]:
+    """Makes a function a step; the slowest are declared first."""
+    STEPS[function.__name__.replace("_", "-")] = function
+    return function
+
+
+def run(
+    *command: str, env: dict[str, str] | None = None, cwd: Path = ROOT, codes: tuple[int, ...] = (0,)
+) -> str:
+    """The output of a command; Failed with the end of it if it does not end well."""
+    environment = os.environ | (env or {})
+    result = subprocess.run(
+        command,
+        cwd=cwd,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        check=False,
+    )
+    if result.returncode not in codes:
+        tail = result.stdout[-6000:]
+        raise Failed(f"$ {' '.join(command)}\n{tail}exit status {result.returncode}")
+    return result.stdout
+
+
+def last_line(output: str) -> str:
+    """The summary most tools end with."""
+    lines = [line for line in output.strip().splitlines() if line.strip()]
+    return lines[-1].strip("= ") if lines else ""
+
+
+def clang() -> None:
+    """clang with its sanitizer runtime, installed if that is possible; else Skipped."""
+    with CLANG:
+        if not shutil.which("clang") and os.geteuid() == 0 and shutil.which("apt-get"):
+            subprocess.run(["apt-get", "update", "-qq"], capture_output=True, check=False)
+            command = ["apt-get", "install", "-y", "-qq", "--no-install-recommends", "clang"]
+            subprocess.run(
+                command,
+                capture_output=True,
+                check=False,
+                env=os.environ | {"DEBIAN_FRONTEND": "noninteractive"},
+            )
+        if not shutil.which("clang"):
+            raise Skipped("no clang, and it could not be installed by apt-get as root")
+
+
+# ---- tests under sanitizers ---------------------------------------------------------------------
+
+
+def sanitized_package() -> tuple[Path, dict[str, str]]:
+    """The package with a sanitized extension in a place of its own, and the environment to run it."""
+    place = BUILD / "sanitized" / "lib"
+    with SETUPTOOLS:
+        flags = {"CC": "gcc", "CFLAGS": f"{SANITIZE} -O1", "LDFLAGS": "-fsanitize=address,undefined"}
+        base = str(BUILD / "sanitized")
+        run(PYTHON, "setup.py", "-q", "build", "--build-base", base, "--build-lib", str(place), env=flags)
+    # libstdc++ too: the address sanitizer must know it before numpy's C++ throws
+    runtime = [run("gcc", f"-print-file-name={name}").strip() for name in ("libasan.so", "libstdc++.so.6")]
+    return place, {
+        "LD_PRELOAD": " ".join(runtime),
+        "ASAN_OPTIONS": "detect_leaks=0:abort_on_error=0",  # Python itself never frees all
+        "UBSAN_OPTIONS": "print_stacktrace=1:halt_on_error=1",
+        "PYTHONPATH": f"{place}{os.pathsep}{ROOT}",
+        "PYTHONMALLOC": "malloc",  # so that a wrong pointer into Python's memory is seen as well
+    }
+
+
+@step
+def tests_sanitized() -> str:
+    """The quick tests with the extension under address and undefined-behaviour sanitizers."""
+    place, env = sanitized_package()
+    where = run(PYTHON, "-P", "-c", "import hostmot2._core as core; print(core.__file__)", env=env, cwd=BUILD)
+    if not where.strip().endswith(".so") or str(place) not in where:
+        raise Failed(f"the sanitized extension was not the one loaded: {where}")
+    command = [PYTHON, "-P", "-m", "pytest", "-q", "-n", "2", "-m", "not slow", "-p", "no:cacheprovider"]
+    options = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), str(ROOT / "tests")]
+    units = f"--ignore={ROOT}/tests/test_c_units.py"  # sanitized by themselves
+    return last_line(run(*command, *options, units, env=env, cwd=BUILD))
+
+
+@step
+def tests_slow() -> str:
+    """The tests marked slow."""
+    return last_line(run(PYTHON, "-m", "pytest", "-q", "-m", "slow", "-n", "2", codes=(0, 5)))
+
+
+@step
+def fuzz() -> str:
+    """Every libFuzzer target of tests/c/fuzz, briefly."""
+    clang()
+    output = run("make", "-j2", "-f", "tests/c/Makefile", "fuzz", f"SECONDS_EACH={FUZZ_SECONDS}")
+    return f"{FUZZ_SECONDS} s each: " + ", ".join(line.removeprefix("fuzz ") for line in output.splitlines())
+
+
+@step
+def c_units() -> str:
+    """The C unit tests under sanitizers."""
+    return last_line(run(PYTHON, "-m", "pytest", "-q", "tests/test_c_units.py"))
+
+
+@step
+def c_analyze() -> str:
+    """gcc's static analyzer on every C file."""
+    run("make", "-k", "-j2", "-f", "tests/c/Makefile", "analyze")
+    return "gcc -fanalyzer"
+
+
+@step
+def c_strict() -> str:
+    """Strict warnings as errors on every C file."""
+    run("make", "-k", "-j2", "-f", "tests/c/Makefile", "strict")
+    return "-Wall -Wextra -Wconversion -Wshadow -Wstrict-prototypes -Werror"
+
+
+# ---- packages -----------------------------------------------------------------------------------
+
+
+@step
+def package() -> str:
+    """sdist, a wheel built from it, abi3audit, exported symbols, and the wheel at work on its own."""
+    out = BUILD / "dist"
+    shutil.rmtree(out, ignore_errors=True)
+    with SETUPTOOLS:
+        run(PYTHON, "-m", "build", "--no-isolation", "--outdir", str(out))
+    (wheel,) = out.glob("*.whl")
+    if "-cp311-abi3-" not in wheel.name:
+        raise Failed(f"{wheel.name} is not a cp311-abi3 wheel")
+    run(PYTHON, "-m", "abi3audit", "--strict", str(wheel))
+    place = out / "installed"
+    run(PYTHON, "-m", "pip", "install", "-q", "--no-deps", "--target", str(place), str(wheel))
+    (extension,) = (place / "hostmot2").glob("_core*.so")
+    exported = {line.split()[-1] for line in run("nm", "-D", "--defined-only", str(extension)).splitlines()}
+    if exported - {"_init", "_fini"} != {"PyInit__core"}:
+        raise Failed(f"exported symbols: {sorted(exported)}; only PyInit__core should be")
+    program = "import hostmot2; print(hostmot2.__file__, hostmot2.open('emu://5i25+7i77').idrom.board_name)"
+    said = run(PYTHON, "-P", "-c", program, env={"PYTHONPATH": str(place)}, cwd=out)
+    if str(place) not in said:
+        raise Failed(f"not the installed wheel: {said}")
+    return wheel.name
+
+
+@step
+def editable_install() -> str:
+    """The environment's own install is editable and works from anywhere."""
+    program = "import hostmot2, hostmot2._core as core; print(core.__file__)"
+    said = run(PYTHON, "-P", "-c", program, cwd=Path("/"), env={"PYTHONPATH": ""}).strip()
+    if Path(said).parent != ROOT / "hostmot2":
+        raise Failed(f"imported from {said}, not from {ROOT}")
+    return said
+
+
+# ---- style and structure ------------------------------------------------------------------------
+
+
+@step
+def types() -> str:
+    """mypy --strict."""
+    run(PYTHON, "-m", "mypy", "--strict", "registers/generate.py")
+    run(PYTHON, "-m", "mypy", "--strict", "tools/check.py", "tools/sizes.py")
+    return last_line(run(PYTHON, "-m", "mypy"))
+
+
+@step
+def imports() -> str:
+    """The dependency rule of ARCHITECTURE.md."""
+    return last_line(run(str(Path(PYTHON).parent / "lint-imports"), "--no-cache"))
+
+
+@step
+def lint() -> str:
+    """ruff check."""
+    return last_line(run(PYTHON, "-m", "ruff", "check", "."))
+
+
+@step
+def format() -> str:
+    """ruff format."""
+    return last_line(run(PYTHON, "-m", "ruff", "format", "--check", "."))
+
+
+@step
+def registers() -> str:
+    """The generated files follow from registers/*.rdl."""
+    run(PYTHON, "registers/generate.py", "--check")
+    return "no drift"
+
+
+@step
+def sizes() -> str:
+    """No function and no file is too long."""
+    run(PYTHON, "tools/sizes.py")
+    return "functions and files"
+
+
+# ---- the run ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a step ended."""
+
+    name: str
+    verdict: str  # ok, FAILED, SKIPPED
+    text: str
+    seconds: float
+
+
+def perform(name: str) -> Outcome:
+    """Runs one step."""
+    start = time.monotonic()
+    try:
+        verdict, text = "ok", STEPS[name]()
+    except Skipped as reason:
+        verdict, text = "SKIPPED", str(reason)
+    except Failed as failure:
+        verdict, text = "FAILED", str(failure)
+    return Outcome(name, verdict, text, time.monotonic() - start)
+
+
+def main() -> int:
+    """Runs the steps and sums up."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("step", nargs="*", help="steps to run, all if none is named")
+    parser.add_argument("--list", action="store_true", help="list the steps")
+    arguments = parser.parse_args()
+    if arguments.list:
+        print("\n".join(f"{name:<18} {function.__doc__}" for name, function in STEPS.items()))
+        return 0
+    unknown = set(arguments.step) - set(STEPS)
+    if unknown:
+        parser.error(f"unknown step: {', '.join(sorted(unknown))}")
+    outcomes = []
+    with ThreadPoolExecutor(2) as pool:
+        for future in as_completed([pool.submit(perform, name) for name in arguments.step or STEPS]):
+            outcome = future.result()
+            outcomes.append(outcome)
+            text = outcome.text if outcome.verdict == "ok" else ""
+            print(f"{outcome.verdict:<8} {outcome.name:<18} {outcome.seconds:6.1f} s  {text}", flush=True)
+    for outcome in outcomes:
+        if outcome.verdict == "FAILED":
+            print(f"\n==== FAILED {outcome.name}\n{outcome.text}")
+    for outcome in outcomes:
+        if outcome.verdict == "SKIPPED":
+            print(f"\n**** SKIPPED {outcome.name}: {outcome.text}")
+    return 1 if any(outcome.verdict == "FAILED" for outcome in outcomes) else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
