@@ -451,6 +451,23 @@ int hm2_emulator_sserial_channels(const hm2_emulator *card, int instance); /* 0:
 int hm2_emulator_pins(const hm2_emulator *card);
 int hm2_emulator_pin_drive(hm2_emulator *card, int pin, int level);
 int hm2_emulator_pin_level(hm2_emulator *card, int pin); /* HM2_LEVEL_*; HM2_ERR_RANGE */
+
+/* Encoders plugged into the card's encoder inputs, muxed ones numbered as the card counts them. Each
+ * call plugs one in and takes effect as time goes on; HM2_ERR_RANGE: no such input or value. */
+int hm2_emulator_encoders(const hm2_emulator *card);
+int hm2_emulator_encoder_plug(hm2_emulator *card, int encoder, int plugged);
+/* Quadrature, the first edge after one period, A before B when counts > 0. */
+int hm2_emulator_encoder_run(hm2_emulator *card, int encoder, int64_t edge_period_ps, int64_t counts);
+/* Step and direction: A 50 % pulses, the first rising after half a period; B 1 when pulses > 0. */
+int hm2_emulator_encoder_pulses(hm2_emulator *card, int encoder, int64_t period_ps, int64_t pulses);
+/* Quadrature at a rate in 2^-20 counts per second until told otherwise; no fraction is lost. */
+int hm2_emulator_encoder_rate(hm2_emulator *card, int encoder, int64_t rate);
+int hm2_emulator_encoder_set(hm2_emulator *card, int encoder, int a, int b, int z);
+/* Z is high while the position modulo every is less than width; every 0: no pattern. */
+int hm2_emulator_encoder_index(hm2_emulator *card, int encoder, int64_t every, int64_t width);
+int hm2_emulator_encoder_preset(hm2_emulator *card, int encoder, int64_t position);
+int hm2_emulator_encoder_position(hm2_emulator *card, int encoder, int64_t *position);
+int hm2_emulator_set_mux_delay_ps(hm2_emulator *card, int64_t delay_ps);
 uint32_t hm2_emulator_leds(const hm2_emulator *card);    /* bit n: LED CRn+1 is lit */
 int hm2_emulator_interrupt(hm2_emulator *card);          /* 1: INT is asserted */
 /* ---- encoders (encoder.c, encoder_index.c): 16-bit counts and timestamps made whole ------- */

@@ -14,6 +14,15 @@ struct card_module *card_find(struct hm2_emulator *card, uint8_t gtag)
 	return NULL;
 }
 
+int card_has(const struct hm2_emulator *card, uint8_t gtag)
+{
+	uint32_t at = card_idrom_field(card, 0x04) / 4;
+	for (; at + 3 <= CARD_IDROM_WORDS && (card->idrom[at] & 0xFF) != 0; at += 3)
+		if ((card->idrom[at] & 0xFF) == gtag)
+			return 1;
+	return 0;
+}
+
 static int fail(hm2_error *error, int status, uint32_t address, const char *where)
 {
 	memset(error, 0, sizeof *error);
@@ -94,6 +103,7 @@ int hm2_emulator_new(const uint32_t *idrom, size_t words, const hm2_emulator_opt
 	if (card == NULL)
 		return fail(error, HM2_ERR_NO_MEMORY, 0, "emulated card");
 	card->options = *options;
+	card->mux_delay_ps = CARD_MUX_DELAY_PS;
 	if (card->options.sserial_clock_hz == 0)
 		card->options.sserial_clock_hz = 100000000;
 	int status = card_identity_load(card, idrom, words, error);
@@ -177,36 +187,6 @@ int hm2_emulator_write(hm2_emulator *card, uint32_t address, const uint32_t *wor
 			return fail(error, HM2_ERR_PROTOCOL, address + 4 * (uint32_t)i, "undecoded write");
 	}
 	return HM2_OK;
-}
-
-int hm2_emulator_pins(const hm2_emulator *card)
-{
-	return card->pin_count;
-}
-
-int hm2_emulator_pin_drive(hm2_emulator *card, int pin, int level)
-{
-	if (pin < 0 || pin >= card->pin_count || level < HM2_LEVEL_RELEASE || level > HM2_LEVEL_HIGH)
-		return HM2_ERR_RANGE;
-	hm2_emulator_sync(card);
-	int port = pin / card->port_width;
-	uint32_t bit = UINT32_C(1) << (pin % card->port_width);
-	card->ioport->outside[port] &= ~bit;
-	card->ioport->outside_level[port] &= ~bit;
-	if (level != HM2_LEVEL_RELEASE)
-		card->ioport->outside[port] |= bit;
-	if (level == HM2_LEVEL_HIGH)
-		card->ioport->outside_level[port] |= bit;
-	card_pins_changed(card);
-	return HM2_OK;
-}
-
-int hm2_emulator_pin_level(hm2_emulator *card, int pin)
-{
-	if (pin < 0 || pin >= card->pin_count)
-		return HM2_ERR_RANGE;
-	hm2_emulator_sync(card);
-	return ioport_level(card->ioport, pin);
 }
 
 int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm2_remote *remote, int through_pins)

@@ -4,12 +4,15 @@
 #define HM2_EMULATOR_CARD_H
 
 #include "hm2.h"
+#include "wave.h"
 
 #define CARD_NEVER INT64_MAX
 #define CARD_MAX_MODULES 40
 #define CARD_MAX_PINS 144
 #define CARD_MAX_PORTS 8
 #define CARD_IDROM_WORDS 256
+#define CARD_MAX_ENCODERS 128
+#define CARD_MUX_DELAY_PS 5000 /* of a daughter card's encoder multiplexer */
 #define CARD_ALL_DRIVEN 0xFFFFFFFFu
 
 struct card_descriptor {
@@ -44,6 +47,8 @@ struct card_module_type {
 	int64_t (*next_event)(void *self); /* clock of the next thing other modules notice */
 	void (*fire)(void *self);          /* that clock has come, everybody is up to it */
 	int (*output)(void *self, int unit, int number); /* what it presents to the pin's driver */
+	/* What hangs on one of its input pins from outside; 0: nothing drives it. */
+	int (*outside)(void *self, int unit, int number, int *level);
 	void (*pins_changed)(void *self);  /* a pin's driver or an outside level changed */
 	int extra_registers; /* decoded behind those the descriptor counts */
 };
@@ -79,6 +84,9 @@ struct hm2_emulator {
 	struct card_page pages[256];
 	struct ioport *ioport;
 	uint32_t led_latch;
+	int wave_count;
+	struct wave waves[CARD_MAX_ENCODERS]; /* what the encoders put on their lines */
+	int64_t mux_delay_ps;
 };
 
 /* card_types.c */
@@ -100,6 +108,7 @@ int card_identity_write(struct hm2_emulator *card, uint32_t address, uint32_t va
 uint32_t card_idrom_field(const struct hm2_emulator *card, uint32_t offset);
 
 /* card.c */
+int card_has(const struct hm2_emulator *card, uint8_t gtag); /* a descriptor names it */
 struct card_module *card_find(struct hm2_emulator *card, uint8_t gtag);
 
 #endif

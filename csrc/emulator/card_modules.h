@@ -7,12 +7,19 @@
 #define GTAG_IRQ 0x01
 #define GTAG_WATCHDOG 0x02
 #define GTAG_IOPORT 0x03
+#define GTAG_ENCODER 0x04
+#define GTAG_MUXED_ENCODER 0x0C
+#define GTAG_MUXED_SELECT 0x0D
+#define GTAG_DPLL 0x1A
 #define GTAG_SSERIAL 0xC1
 #define GTAG_SSERIAL_B 0xC6
 
 extern const struct card_module_type irq_type;
 extern const struct card_module_type watchdog_type;
 extern const struct card_module_type ioport_type;
+extern const struct card_module_type encoder_type;
+extern const struct card_module_type muxed_encoder_type;
+extern const struct card_module_type muxed_select_type;
 extern const struct card_module_type sserial_type;
 
 /* ioport.c */
@@ -33,11 +40,26 @@ void ioport_release(struct ioport *port); /* the watchdog has bitten */
 int ioport_level(struct ioport *port, int pin); /* HM2_LEVEL_* */
 /* The card's own driver of a pin: HM2_LEVEL_LOW, _HIGH or _FLOATING. */
 int ioport_driver(struct ioport *port, int pin);
+/* Driven by hand from outside: 1 and its level. */
+int ioport_outside(const struct ioport *port, int pin, int *level);
+int ioport_reads_high(struct ioport *port, int pin);
+/* +1 the pad follows the pin's module, -1 inverted, 0 it does not. */
+int ioport_follows(const struct ioport *port, int pin);
 /* Driven by its module's function: alternate source on, direction out, not inverted. */
 int ioport_is_switched(const struct ioport *port, int pin, int output);
 
 /* irq.c */
 int irq_asserted(const struct card_module *module);
+
+/* dpll.c */
+/* The clock of the last event of timer 1..4 (0: reference) up to `clock`; -1: none or no DPLL. */
+int64_t dpll_last_event(struct hm2_emulator *card, int timer, int64_t clock);
+
+/* What an encoder showed at its timer's last event; the clock stands with the first one. */
+struct encoder_latch {
+	int64_t clock;
+	uint32_t count;
+};
 
 /* sserial.c */
 int sserial_attach(struct card_module *module, int instance, int channel, struct hm2_remote *remote,

@@ -5,6 +5,9 @@ static const struct card_module_type *const types[] = {
 	&irq_type,
 	&watchdog_type,
 	&ioport_type,
+	&encoder_type,
+	&muxed_encoder_type,
+	&muxed_select_type,
 	&sserial_type,
 };
 

@@ -29,15 +29,12 @@ static int module_output(struct ioport *port, int pin)
 	const struct card_pin *p = &port->card->pins[pin];
 	if (!(p->number & 0x80))
 		return 0; /* an input's alternate source is constant 0 */
-	for (int i = 0; i < port->card->module_count; i++) {
-		struct card_module *module = &port->card->modules[i];
-		if (module->descriptor.gtag != p->tag || module->type->output == NULL)
-			continue;
-		if (module->type->advance)
-			module->type->advance(module->self, port->card->clock);
-		return module->type->output(module->self, p->unit, p->number);
-	}
-	return 0;
+	struct card_module *module = card_find(port->card, p->tag);
+	if (module == NULL || module->type->output == NULL)
+		return 0;
+	if (module->type->advance)
+		module->type->advance(module->self, port->card->clock);
+	return module->type->output(module->self, p->unit, p->number);
 }
 
 int ioport_driver(struct ioport *port, int pin)
@@ -54,26 +51,61 @@ int ioport_driver(struct ioport *port, int pin)
 	return data;
 }
 
-int ioport_level(struct ioport *port, int pin)
+int ioport_outside(const struct ioport *port, int pin, int *level)
 {
 	int p = pin / port->card->port_width;
 	int b = pin % port->card->port_width;
+	*level = (int)(port->outside_level[p] >> b) & 1;
+	return (int)(port->outside[p] >> b) & 1;
+}
+
+/* What drives the pad from outside: by hand, else what is wired to its module's inputs. */
+static int outside_level(struct ioport *port, int pin, int *level)
+{
+	const struct card_pin *p = &port->card->pins[pin];
+	if (ioport_outside(port, pin, level))
+		return 1;
+	if (p->tag == 0 || (p->number & 0x80))
+		return 0;
+	struct card_module *module = card_find(port->card, p->tag);
+	return module != NULL && module->type->outside != NULL &&
+	       module->type->outside(module->self, p->unit & 0x7F, p->number, level);
+}
+
+int ioport_level(struct ioport *port, int pin)
+{
+	int outside;
 	int driver = ioport_driver(port, pin);
-	if (!((port->outside[p] >> b) & 1))
+	if (!outside_level(port, pin, &outside))
 		return driver;
-	int outside = (int)(port->outside_level[p] >> b) & 1;
 	return driver == HM2_LEVEL_FLOATING || driver == outside ? outside : HM2_LEVEL_CONTENTION;
+}
+
+int ioport_reads_high(struct ioport *port, int pin)
+{
+	int outside;
+	if (outside_level(port, pin, &outside))
+		return outside;
+	return ioport_driver(port, pin) != HM2_LEVEL_LOW;
 }
 
 static uint32_t read_pads(struct ioport *port, int p)
 {
 	uint32_t value = 0;
-	for (int b = 0; b < port->card->port_width; b++) {
-		int level = ioport_level(port, p * port->card->port_width + b);
-		uint32_t high = level == HM2_LEVEL_CONTENTION ? (port->outside_level[p] >> b) & 1 : level != 0;
-		value |= high << b;
-	}
+	for (int b = 0; b < port->card->port_width; b++)
+		value |= (uint32_t)ioport_reads_high(port, p * port->card->port_width + b) << b;
 	return value;
+}
+
+int ioport_follows(const struct ioport *port, int pin)
+{
+	int level;
+	int p = pin / port->card->port_width;
+	uint32_t bit = UINT32_C(1) << (pin % port->card->port_width);
+	if (ioport_outside(port, pin, &level) || !(port->alternate[p] & bit) ||
+	    !((port->ddr[p] | port->open_drain[p]) & bit))
+		return 0;
+	return port->invert[p] & bit ? -1 : 1;
 }
 
 int ioport_is_switched(const struct ioport *port, int pin, int output)

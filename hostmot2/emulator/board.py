@@ -53,6 +53,60 @@ class EmulatedPin:
         return f"<pin IO{self.number} {self.level}>"
 
 
+class EmulatedEncoder:
+    """An encoder at one of the card's encoder inputs. Asking for it plugs it in, with A, B and Z at 0.
+
+    Every change takes effect as time goes on from now, and starts at the position reached.
+    """
+
+    def __init__(self, board: EmulatedBoard, number: int) -> None:
+        self._board = board
+        self.number = number
+
+    def run(self, edge_period_ns: float, counts: int) -> None:
+        """Quadrature: `counts` edges, one every `edge_period_ns`; A leads B when positive."""
+        period = round(edge_period_ns * 1000)
+        self._do(lib.hm2_emulator_encoder_run(self._board.handle, self.number, period, counts))
+
+    def pulses(self, period_ns: float, count: int) -> None:
+        """Step and direction: `count` pulses on A of 50 %; B is 1 when positive, 0 when negative."""
+        period = round(period_ns * 1000)
+        self._do(lib.hm2_emulator_encoder_pulses(self._board.handle, self.number, period, count))
+
+    def set_rate(self, counts_per_second: float) -> None:
+        """Quadrature at this rate until told otherwise. Fractions of a count are kept through changes."""
+        rate = round(counts_per_second * (1 << 20))
+        self._do(lib.hm2_emulator_encoder_rate(self._board.handle, self.number, rate))
+
+    def set(self, a: int | None, b: int | None, z: int | None) -> None:
+        """Levels that stay until it moves: 0, 1, or None for a line let go."""
+        levels = [-1 if level is None else level for level in (a, b, z)]
+        self._do(lib.hm2_emulator_encoder_set(self._board.handle, self.number, *levels))
+
+    def index_every(self, counts: int, width: int = 1) -> None:
+        """Z is high while position modulo `counts` is less than `width`; 0 counts: no pattern."""
+        self._do(lib.hm2_emulator_encoder_index(self._board.handle, self.number, counts, width))
+
+    @property
+    def position(self) -> int:
+        """Where the encoder is, in counts; setting it jumps there (no edges are made up in between)."""
+        out = ffi.new("int64_t *")
+        self._do(lib.hm2_emulator_encoder_position(self._board.handle, self.number, out))
+        return int(out[0])
+
+    @position.setter
+    def position(self, counts: int) -> None:
+        self._do(lib.hm2_emulator_encoder_preset(self._board.handle, self.number, counts))
+
+    def unplug(self) -> None:
+        """Take it off: its lines float."""
+        self._do(lib.hm2_emulator_encoder_plug(self._board.handle, self.number, 0))
+
+    def _do(self, status: int) -> None:
+        if status != lib.HM2_OK:
+            raise ValueError("out of range for an encoder")
+
+
 class EmulatedSserialPort:
     """One SSERIAL instance: what hangs on its channels."""
 
@@ -147,6 +201,8 @@ class EmulatedBoard:
         self.handle = ffi.gc(out[0], lib.hm2_emulator_free)
         """The `hm2_emulator *` of the C core."""
         self._bus: Any = None
+        self._plugged: set[int] = set()
+        self._mux_delay_ns = 5.0
         self.sserial: list[EmulatedSserialPort] = []
         """The SSERIAL instances."""
         while lib.hm2_emulator_sserial_channels(self.handle, len(self.sserial)):
@@ -208,6 +264,30 @@ class EmulatedBoard:
     def pins(self) -> Iterator[EmulatedPin]:
         """All pads in order."""
         return (EmulatedPin(self, n) for n in range(lib.hm2_emulator_pins(self.handle)))
+
+    def encoder_input(self, number: int) -> EmulatedEncoder:
+        """The encoder at encoder input `number`, plugged in by the first call.
+
+        Numbered as the card counts them, muxed ones with their own number although two share pins. Until
+        then the lines float. Raises IndexError when the card has no such input.
+        """
+        if not 0 <= number < lib.hm2_emulator_encoders(self.handle):
+            raise IndexError(f"no encoder input {number}")
+        if number not in self._plugged:
+            lib.hm2_emulator_encoder_plug(self.handle, number, 1)
+            self._plugged.add(number)
+        return EmulatedEncoder(self, number)
+
+    @property
+    def mux_delay_ns(self) -> float:
+        """From Sel0 to the multiplexed encoder lines and back; cable and daughter card."""
+        return self._mux_delay_ns
+
+    @mux_delay_ns.setter
+    def mux_delay_ns(self, ns: float) -> None:
+        if lib.hm2_emulator_set_mux_delay_ps(self.handle, round(ns * 1000)) != lib.HM2_OK:
+            raise ValueError("a multiplexer delay is 0 to 1000000 ns")
+        self._mux_delay_ns = ns
 
     @property
     def leds(self) -> list[bool]:

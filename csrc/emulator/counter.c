@@ -1,0 +1,228 @@
+/* The quadrature counter, edge by edge (fact sheet registers.md 2.4, card observed 4 and 5).
+ *
+ * Facts it is built on: each line passes one register. At every filter tick an integrator of 0..N moves
+ * towards its line, and the filtered level follows where the integrator stood before the tick. Behind the
+ * filter are two more registers; what they show as an edge takes effect with the next clock. The index
+ * is conditioned (polarity, gate by A and B) before its filter, on the registered lines.
+ *
+ * Between edges that can change anything the state stands still, so such spans are skipped. */
+#include "counter.h"
+
+enum {
+	QUAD_ERROR = 0x8000,
+	AB_MASK_POLARITY = 0x4000,
+	LATCH_ON_PROBE = 0x2000,
+	PROBE_POLARITY = 0x1000,
+	FILTER = 0x0800,
+	COUNTER_MODE = 0x0400,
+	USE_INDEX_MASK = 0x0200,
+	INDEX_MASK_POLARITY = 0x0100,
+	AB_GATE_INDEX = 0x0080,
+	JUST_ONCE = 0x0040,
+	CLEAR_ON_INDEX = 0x0020,
+	LATCH_ON_INDEX = 0x0010,
+	INDEX_POLARITY = 0x0008,
+	LIVE = 0x0007
+};
+
+#define PROBE_BITS (LATCH_ON_PROBE | PROBE_POLARITY)
+#define AB (COUNTER_A | COUNTER_B)
+
+enum { CLEAR_NONE, CLEAR_BY_INDEX, CLEAR_BY_WRITE };
+
+/* What the filters look at: the registered lines with the index conditioned. */
+static uint8_t conditioned(const struct counter *c)
+{
+	uint8_t lines = c->registered & (uint8_t)~COUNTER_Z;
+	int index = (c->registered & COUNTER_Z) != 0;
+	if (!(c->control & INDEX_POLARITY))
+		index = !index;
+	if (c->control & AB_GATE_INDEX)
+		index = index && (c->registered & AB) == (c->control & AB_MASK_POLARITY ? AB : 0);
+	return index ? lines | COUNTER_Z : lines;
+}
+
+static int limit(const struct counter *c)
+{
+	return c->control & FILTER ? 15 : 3;
+}
+
+static int settled(const struct counter *c)
+{
+	uint8_t lines = conditioned(c);
+	if (lines != c->filtered)
+		return 0;
+	for (int i = 0; i < COUNTER_INPUTS; i++) {
+		int rests = (lines >> i) & 1 ? c->integrator[i] >= limit(c) : c->integrator[i] == 0;
+		if (!rests)
+			return 0;
+	}
+	return 1;
+}
+
+static int quiet(const struct counter *c)
+{
+	return c->filtered == c->stage1 && c->stage1 == c->stage2 && c->clearing == CLEAR_NONE;
+}
+
+static void filter_tick(struct counter *c)
+{
+	uint8_t lines = conditioned(c);
+	int top = limit(c);
+	for (int i = 0; i < COUNTER_INPUTS; i++) {
+		uint8_t bit = (uint8_t)(1u << i);
+		uint8_t before = c->integrator[i];
+		if (before >= top)
+			c->filtered |= bit;
+		if (before == 0)
+			c->filtered &= (uint8_t)~bit;
+		if ((lines & bit) && before < top)
+			c->integrator[i]++;
+		else if (!(lines & bit) && before > 0)
+			c->integrator[i]--;
+	}
+}
+
+/* Counts of the edge between the two registers: 0, +1 or -1. A and B together count nothing. */
+static int movement(const struct counter *c)
+{
+	uint8_t old = c->stage2 & AB;
+	uint8_t now = c->stage1 & AB;
+	if (c->control & COUNTER_MODE) {
+		if ((old & COUNTER_A) || !(now & COUNTER_A))
+			return 0;
+		return old & COUNTER_B ? 1 : -1;
+	}
+	uint8_t changed = old ^ now;
+	if (changed != COUNTER_A && changed != COUNTER_B)
+		return 0;
+	int a = (now & COUNTER_A) != 0;
+	int b = (now & COUNTER_B) != 0;
+	return (changed == COUNTER_A) == (a != b) ? 1 : -1;
+}
+
+static int index_event(const struct counter *c)
+{
+	if (!(c->stage1 & COUNTER_Z) || (c->stage2 & COUNTER_Z))
+		return 0;
+	return !(c->control & USE_INDEX_MASK) || c->index_mask == ((c->control & INDEX_MASK_POLARITY) != 0);
+}
+
+static int probe_event(const struct counter *c)
+{
+	if (((c->stage1 ^ c->stage2) & COUNTER_PROBE) == 0)
+		return 0;
+	return ((c->stage1 & COUNTER_PROBE) != 0) == ((c->control & PROBE_POLARITY) != 0);
+}
+
+static void take_latch(struct counter *c, uint16_t count, int enable)
+{
+	c->latch = count;
+	if (c->control & JUST_ONCE)
+		c->control &= (uint16_t)~enable;
+}
+
+/* Everything the two registers of the last clock bring about with this edge. */
+static void count_edge(struct counter *c, uint16_t timestamp)
+{
+	uint16_t before = c->count;
+	int index = index_event(c);
+	int moved = c->clearing ? 0 : movement(c);
+	int clear = (c->control & CLEAR_ON_INDEX) && index;
+	if (!(c->control & COUNTER_MODE) && ((c->stage1 ^ c->stage2) & AB) == AB)
+		c->control |= QUAD_ERROR;
+	if (moved) {
+		c->count = (uint16_t)(c->count + moved);
+		c->stamp = timestamp;
+	}
+	if (c->clearing || (clear && c->has_probe))
+		c->count = 0;
+	c->clearing = clear && !c->has_probe ? CLEAR_BY_INDEX : CLEAR_NONE;
+	if ((c->control & LATCH_ON_INDEX) && index)
+		take_latch(c, before, LATCH_ON_INDEX);
+	if (clear && (c->control & JUST_ONCE))
+		c->control &= (uint16_t)~CLEAR_ON_INDEX;
+	if (c->has_probe && (c->control & LATCH_ON_PROBE) && probe_event(c))
+		take_latch(c, before, LATCH_ON_PROBE);
+}
+
+static void step(struct counter *c, const struct counter_feed *feed, const struct divider *timestamp, int64_t n)
+{
+	if (!quiet(c))
+		count_edge(c, (uint16_t)divider_count(timestamp, n - 1));
+	c->stage2 = c->stage1;
+	c->stage1 = c->filtered;
+	if (n == c->next_tick) {
+		filter_tick(c);
+		c->next_tick = 0;
+	}
+	if (n == c->next_input) {
+		c->registered = feed->at(feed->self, c->index, n, c->registered);
+		c->next_input = 0;
+	}
+	c->clock = n;
+}
+
+void counter_advance(struct counter *c, const struct counter_feed *feed, const struct divider *filter,
+                     const struct divider *timestamp, int64_t to)
+{
+	while (c->clock < to) {
+		if (c->next_input == 0)
+			c->next_input = feed->next(feed->self, c->index, c->clock, c->registered);
+		int at_rest = quiet(c) && settled(c);
+		if (at_rest && c->next_input > to) {
+			c->clock = to;
+			c->next_tick = 0;
+			return;
+		}
+		if (at_rest)
+			c->clock = c->next_input - 1;
+		if (c->next_tick <= c->clock)
+			c->next_tick = divider_next(filter, c->clock + 1);
+		int64_t n = c->clock + 1;
+		if (quiet(c) && !at_rest) {
+			n = c->next_tick < c->next_input ? c->next_tick : c->next_input;
+			if (n > to) {
+				c->clock = to;
+				return;
+			}
+		}
+		step(c, feed, timestamp, n);
+	}
+}
+
+void counter_forget(struct counter *c)
+{
+	c->next_input = 0;
+	c->next_tick = 0;
+}
+
+void counter_clear(struct counter *c)
+{
+	if (c->has_probe)
+		c->count = 0;
+	else
+		c->clearing = CLEAR_BY_WRITE;
+	if (c->control & JUST_ONCE)
+		c->control &= (uint16_t)~CLEAR_ON_INDEX;
+}
+
+void counter_set_control(struct counter *c, uint32_t value)
+{
+	c->control = (uint16_t)(value & ~(uint32_t)LIVE);
+	if (!c->has_probe)
+		c->control &= (uint16_t)~PROBE_BITS;
+}
+
+uint32_t counter_value(const struct counter *c)
+{
+	/* A host that reads back its clear in the same clock sees it done. */
+	uint16_t count = c->clearing == CLEAR_BY_WRITE ? 0 : c->count;
+	return (uint32_t)c->stamp << 16 | count;
+}
+
+uint32_t counter_control(const struct counter *c, uint32_t *value)
+{
+	*value = (uint32_t)c->latch << 16 | c->control | (c->stage1 & LIVE);
+	return c->has_probe ? 0xFFFFFFFFu : ~(uint32_t)PROBE_BITS;
+}
