@@ -29,6 +29,7 @@ enum hm2_status {
 	HM2_ERR_READ_ONLY = -9,
 	HM2_ERR_FORMAT = -10,   /* a table in the card's or a remote's memory is broken: address, detail */
 	HM2_ERR_GATED = -11     /* writes are held back until the user has acknowledged a watchdog bite */
+	HM2_ERR_LINK = -11      /* too many exchanges in a row failed: expected = limit, received = level */
 };
 
 typedef struct hm2_error {
@@ -593,6 +594,7 @@ typedef struct hm2_encoders {
 } hm2_encoders;
 
 void hm2_encoders_part(hm2_encoders *encoders, hm2_cyclic *part);
+
 /* ---- the IDROM (idrom.c, idrom_check.c): pure functions on the caller's buffers ---------- */
 
 #define HM2_ID_ADDRESS 0x0100u       /* cookie, config name (2 words), IDROM offset */
@@ -797,5 +799,56 @@ void hm2_ethernet_server_set_fault(struct hm2_ethernet_server *server, int direc
                                    const hm2_ethernet_fault *fault);
 void hm2_ethernet_server_set_seed(struct hm2_ethernet_server *server, uint64_t seed);
 void hm2_ethernet_server_get_counters(struct hm2_ethernet_server *server, hm2_ethernet_server_counters *counters);
+
+/* ---- an Ethernet card (udp.c, udp_datagram.c, udp_exchange.c) ------------------------------ */
+
+/* Every datagram carries a sequence number: it reads the one of the datagram before it out of the card's
+ * scratch words, and writes and reads back its own. So every write is acknowledged, no late, duplicated
+ * or reordered reply is taken for a fresh one, and a lost request is told from a lost reply. */
+
+struct hm2_udp;
+
+#define HM2_UDP_RETRY_NS 25000000LL
+
+typedef struct hm2_udp_config {
+	uint32_t spin_ns;        /* an answer is awaited without sleeping for so long, then with poll */
+	int64_t retry_ns;        /* an exchange unanswered for so long is repeated if that is safe; 0: never.
+	                          * Cycles have deadlines below it, so they are never repeated. */
+	int32_t error_increment; /* added to the error level by a failed exchange */
+	int32_t error_decrement; /* taken off by a good one */
+	int32_t error_limit;     /* at this level the link is given up until hm2_udp_clear; 0: never */
+} hm2_udp_config;
+
+typedef struct hm2_udp_counters {
+	uint64_t exchanges;     /* that came back whole */
+	uint64_t requests;      /* datagrams sent */
+	uint64_t replies;       /* datagrams received and taken */
+	uint64_t missed;        /* datagrams given up without their reply */
+	uint64_t requests_lost; /* the card says it never carried them out */
+	uint64_t writes_lost;   /* events after which writes are in doubt: configuration is to be written anew */
+	uint64_t discarded;     /* replies of no datagram outstanding: late or duplicated */
+	uint64_t malformed;     /* replies of the right number and a wrong length */
+	uint64_t repeated;      /* requests that reached the card twice */
+	uint64_t out_of_order;  /* an old request was carried out after a newer one */
+	uint64_t foreign;       /* another program used the card in between */
+	uint64_t retries;
+	int32_t error_level;
+	int32_t failed;         /* the link was given up */
+} hm2_udp_counters;
+
+void hm2_udp_defaults(hm2_udp_config *config);
+/* host: dotted IPv4 address. config NULL: defaults. Sends nothing. On success the bus owns *udp, which is
+ * good until the bus's close. */
+int hm2_udp_bus(const char *host, uint16_t port, const hm2_udp_config *config, hm2_bus *bus,
+                struct hm2_udp **udp, hm2_error *error);
+void hm2_udp_get_counters(const struct hm2_udp *udp, hm2_udp_counters *counters);
+/* Error level 0 again, and the card's last sequence number unknown (after a restart of its engine). */
+void hm2_udp_clear(struct hm2_udp *udp);
+/* Any LBP16 commands as one datagram; reply_size is what they must bring. Commands without a write and
+ * with an address each are repeated after retry_ns; all others never. */
+int hm2_udp_lbp16(struct hm2_udp *udp, const uint8_t *commands, size_t length, uint8_t *reply, size_t reply_size,
+                  int64_t deadline_ns, hm2_error *error);
+/* Send bytes as they are and await nothing: for the reload that no card answers. */
+int hm2_udp_send(struct hm2_udp *udp, const uint8_t *bytes, size_t length, hm2_error *error);
 
 #endif

@@ -160,6 +160,37 @@ class MappingTooSmall(TransportError):
     fix = "Name the BAR that holds HostMot2's registers (resource0, 3 or 5 by bridge), or a 64 KiB file."
 
 
+class LinkFailed(TransportError):
+    """Too many exchanges in a row failed: the link was given up (error level at its limit)."""
+
+    code = "HM2-E030"
+    fix = (
+        "Check cable and network (`hm2 doctor`); the card's watchdog has switched its outputs off. Open the "
+        "board again, or clear the link's error level and write the configuration anew."
+    )
+
+
+class FirmwareTooOld(TransportError):
+    """The card's Ethernet firmware lacks what is needed."""
+
+    code = "HM2-E031"
+    fix = "Newer firmware is needed; `hm2 ip` shows the versions."
+
+
+class FlashError(TransportError):
+    """The card's configuration flash does not hold what it should, or refused to."""
+
+    code = "HM2-E032"
+    fix = "The fallback image still boots; write again. Do not reload or power down before a verify is good."
+
+
+class BitfileError(HostMot2Error):
+    """An FPGA image file is broken or not for this card."""
+
+    code = "HM2-E033"
+    fix = "Take the image made for exactly this card; a wrong family bricks it."
+
+
 class SserialError(HostMot2Error):
     """A smart-serial port, channel or remote failed."""
 
@@ -451,7 +482,11 @@ _BY_STATUS: dict[int, type[HostMot2Error]] = {
     lib.HM2_ERR_PROTOCOL: ProtocolError,
     lib.HM2_ERR_CLOSED: TransportClosed,
     lib.HM2_ERR_READ_ONLY: ReadOnly,
+<<<<<<< HEAD
     lib.HM2_ERR_GATED: WatchdogBite,
+=======
+    lib.HM2_ERR_LINK: LinkFailed,
+>>>>>>> ab027bb (UDP transport: sequence numbers in the card's scratch words, lost requests told from lost replies, safe repeats)
 }
 
 

@@ -294,7 +294,8 @@ class EthernetServer:
         )
         self._thread = (spin_us, fifo_priority, cpu)
         self._closed = False
-        error, out = new_error(), ffi.new("struct hm2_ethernet_server **")
+        error = new_error()
+        out: Any = ffi.new("struct hm2_ethernet_server **")
         address = "127.0.0.1" if host == "localhost" else host
         check(lib.hm2_ethernet_server_open(self.card.handle, address.encode(), port, out, error), error)
         self._server = ffi.gc(out[0], lib.hm2_ethernet_server_free)
@@ -320,10 +321,7 @@ class EthernetServer:
     def start(self) -> Self:
         """Start the thread. Starting twice does nothing."""
         error = new_error()
-        status = lib.hm2_ethernet_server_start(
-            self._server, self.spin_us, self.fifo_priority, self.cpu, error
-        )
-        check(status, error)
+        check(lib.hm2_ethernet_server_start(self._handle(), *self._thread, error), error)
         return self
 
     def stop(self) -> None:
@@ -356,7 +354,7 @@ class EthernetServer:
     @property
     def counters(self) -> ServerCounters:
         """What passed so far."""
-        counters = ffi.new("hm2_ethernet_server_counters *")
+        counters: Any = ffi.new("hm2_ethernet_server_counters *")
         lib.hm2_ethernet_server_get_counters(self._handle(), counters)
         return ServerCounters(*(getattr(counters, name) for name in ServerCounters.__dataclass_fields__))
 

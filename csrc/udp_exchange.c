@@ -1,0 +1,125 @@
+/* Sending and waiting. */
+#include "clock.h"
+#include "error.h"
+#include "udp.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <sys/socket.h>
+
+static int io_error(hm2_error *error, const char *where, int code)
+{
+	const int status = hm2_error_set(error, HM2_ERR_IO, where);
+
+	if (error)
+		error->os_errno = code;
+	return status;
+}
+
+int udp_send_bytes(struct hm2_udp *udp, const uint8_t *bytes, size_t length, hm2_error *error)
+{
+	/* the first refusal may be the echo of an earlier datagram (ICMP), the second is about this one */
+	for (int attempt = 0; attempt < 2; attempt++) {
+		if (send(udp->socket, bytes, length, MSG_NOSIGNAL) >= 0) {
+			udp->counters.requests++;
+			return HM2_OK;
+		}
+		if (errno != ECONNREFUSED && errno != EINTR)
+			break;
+	}
+	return io_error(error, "udp send", errno);
+}
+
+int udp_send_datagram(struct hm2_udp *udp, struct udp_datagram *datagram, hm2_error *error)
+{
+	const uint64_t bit = (uint64_t)1 << (++udp->sequence & 63);
+
+	udp_datagram_number(datagram, udp->sequence);
+	udp->wrote = datagram->writes ? udp->wrote | bit : udp->wrote & ~bit;
+	return udp_send_bytes(udp, datagram->bytes, datagram->length, error);
+}
+
+int udp_send_window(struct hm2_udp *udp, hm2_error *error)
+{
+	int status = HM2_OK;
+
+	udp->sent = udp->unanswered = 0;
+	udp->probe_pending = udp->probes = 0;
+	while (status == HM2_OK && udp->sent < UDP_WINDOW && udp->list.at.transfer < udp->list.count) {
+		struct udp_datagram *datagram = &udp->window[udp->sent++];
+
+		udp->unanswered++;
+		udp_datagram_pack(datagram, &udp->list);
+		datagram->first = udp->sequence + 1;
+		status = udp_send_datagram(udp, datagram, error);
+	}
+	return status;
+}
+
+static int timed_out(const struct hm2_udp *udp, hm2_error *error)
+{
+	const int status = hm2_error_set(error, HM2_ERR_TIMEOUT, "udp reply");
+
+	if (error) {
+		error->expected = (uint32_t)udp->sent;
+		error->received = (uint32_t)(udp->sent - udp->unanswered);
+	}
+	return status;
+}
+
+static void sleep_until(const struct hm2_udp *udp, int64_t now_ns, int64_t until_ns)
+{
+	struct pollfd file = {.fd = udp->socket, .events = POLLIN};
+	const int64_t left = until_ns - now_ns;
+	const struct timespec time = {.tv_sec = left / 1000000000, .tv_nsec = left % 1000000000};
+
+	ppoll(&file, 1, &time, NULL);
+}
+
+/* One datagram, if there is one: 1. 0: none. Negative: the system says the card is not there. */
+static int receive_one(struct hm2_udp *udp, hm2_error *error)
+{
+	const ssize_t length = recv(udp->socket, udp->reply, sizeof udp->reply, MSG_DONTWAIT);
+
+	if (length >= 0) {
+		if (udp_receive(udp, udp->reply, (size_t)length)) {
+			const int status = udp_retry_answered(udp, error);
+
+			return status == HM2_OK ? 1 : status;
+		}
+		return 1;
+	}
+	if (errno == EAGAIN || errno == EINTR)
+		return 0;
+	return io_error(error, "udp receive", errno);
+}
+
+int udp_await(struct hm2_udp *udp, int64_t deadline_ns, hm2_error *error)
+{
+	const int64_t start = hm2_clock_now_ns();
+	const int64_t retry_ns = udp->config.retry_ns > 0 ? udp->config.retry_ns : INT64_MAX - start;
+	int64_t retry_at = start + retry_ns;
+
+	while (udp->unanswered) {
+		const int got = receive_one(udp, error);
+		int64_t now;
+
+		if (got < 0)
+			return got;
+		if (!udp->unanswered)
+			break;
+		now = hm2_clock_now_ns();
+		if (now >= deadline_ns)
+			return timed_out(udp, error);
+		if (now >= retry_at) {
+			const int status = udp_retry(udp, error);
+
+			if (status != HM2_OK)
+				return status;
+			retry_at = now + retry_ns;
+		}
+		if (!got && now - start >= udp->config.spin_ns)
+			sleep_until(udp, now, deadline_ns < retry_at ? deadline_ns : retry_at);
+	}
+	return HM2_OK;
+}
