@@ -29,11 +29,8 @@ const char *hm2_status_name(int status)
 	case HM2_ERR_NO_MEMORY: return "out of memory";
 	case HM2_ERR_READ_ONLY: return "read only";
 	case HM2_ERR_FORMAT: return "broken table";
-<<<<<<< HEAD
 	case HM2_ERR_GATED: return "writes held back after a watchdog bite";
-=======
 	case HM2_ERR_LINK: return "link given up";
->>>>>>> ab027bb (UDP transport: sequence numbers in the card's scratch words, lost requests told from lost replies, safe repeats)
 	default: return "unknown status";
 	}
 }

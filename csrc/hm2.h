@@ -28,8 +28,8 @@ enum hm2_status {
 	HM2_ERR_NO_MEMORY = -8,
 	HM2_ERR_READ_ONLY = -9,
 	HM2_ERR_FORMAT = -10,   /* a table in the card's or a remote's memory is broken: address, detail */
-	HM2_ERR_GATED = -11     /* writes are held back until the user has acknowledged a watchdog bite */
-	HM2_ERR_LINK = -11      /* too many exchanges in a row failed: expected = limit, received = level */
+	HM2_ERR_GATED = -11,    /* writes are held back until the user has acknowledged a watchdog bite */
+	HM2_ERR_LINK = -12      /* too many exchanges in a row failed: expected = limit, received = level */
 };
 
 typedef struct hm2_error {

@@ -13,6 +13,9 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |    +-- CardNotFound
      |    +-- CardBusy
      |    +-- MappingTooSmall
+     |    +-- LinkFailed
+     |    +-- FirmwareTooOld
+     |    +-- FlashError
      |    +-- PermissionDenied            (also PermissionError)
      |         +-- KernelLockdown
      +-- BoardError                     the card's description of itself is wrong or not supported
@@ -47,10 +50,12 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |         +-- UnsupportedModule
      |         +-- WrongPinUnit
      |         +-- DuplicateOutput
+     +-- BitfileError                   an FPGA image file is broken or not for this card
      +-- SserialError                   a smart-serial port, channel or remote failed
 
 A code (HM2-E0xx) is stable: once given to a class it is never given to another. E010 to E019 transports,
-E020 to E039 smart serial, E040 to E049 modules at work, E050 to E079 the card's description.
+E020 to E039 smart serial, E040 to E049 modules at work, E050 to E079 the card's description,
+E090 to E099 Ethernet cards and their images.
 """
 
 from __future__ import annotations
@@ -163,7 +168,7 @@ class MappingTooSmall(TransportError):
 class LinkFailed(TransportError):
     """Too many exchanges in a row failed: the link was given up (error level at its limit)."""
 
-    code = "HM2-E030"
+    code = "HM2-E090"
     fix = (
         "Check cable and network (`hm2 doctor`); the card's watchdog has switched its outputs off. Open the "
         "board again, or clear the link's error level and write the configuration anew."
@@ -173,21 +178,21 @@ class LinkFailed(TransportError):
 class FirmwareTooOld(TransportError):
     """The card's Ethernet firmware lacks what is needed."""
 
-    code = "HM2-E031"
+    code = "HM2-E091"
     fix = "Newer firmware is needed; `hm2 ip` shows the versions."
 
 
 class FlashError(TransportError):
     """The card's configuration flash does not hold what it should, or refused to."""
 
-    code = "HM2-E032"
+    code = "HM2-E092"
     fix = "The fallback image still boots; write again. Do not reload or power down before a verify is good."
 
 
 class BitfileError(HostMot2Error):
     """An FPGA image file is broken or not for this card."""
 
-    code = "HM2-E033"
+    code = "HM2-E093"
     fix = "Take the image made for exactly this card; a wrong family bricks it."
 
 
@@ -482,11 +487,8 @@ _BY_STATUS: dict[int, type[HostMot2Error]] = {
     lib.HM2_ERR_PROTOCOL: ProtocolError,
     lib.HM2_ERR_CLOSED: TransportClosed,
     lib.HM2_ERR_READ_ONLY: ReadOnly,
-<<<<<<< HEAD
     lib.HM2_ERR_GATED: WatchdogBite,
-=======
     lib.HM2_ERR_LINK: LinkFailed,
->>>>>>> ab027bb (UDP transport: sequence numbers in the card's scratch words, lost requests told from lost replies, safe repeats)
 }
 
 
