@@ -2,6 +2,17 @@
 
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.cards import CardDescription
+from hostmot2.emulator.described import DescribedRemote
+from hostmot2.emulator.description import Parameter, RemoteDescription, SoftwareMode
 from hostmot2.emulator.remote import EmulatedRemote, RemoteWrite
 
-__all__ = ["CardDescription", "EmulatedBoard", "EmulatedRemote", "RemoteWrite"]
+__all__ = [
+    "CardDescription",
+    "DescribedRemote",
+    "EmulatedBoard",
+    "EmulatedRemote",
+    "Parameter",
+    "RemoteDescription",
+    "RemoteWrite",
+    "SoftwareMode",
+]
