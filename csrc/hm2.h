@@ -850,5 +850,43 @@ int hm2_udp_lbp16(struct hm2_udp *udp, const uint8_t *commands, size_t length, u
                   int64_t deadline_ns, hm2_error *error);
 /* Send bytes as they are and await nothing: for the reload that no card answers. */
 int hm2_udp_send(struct hm2_udp *udp, const uint8_t *bytes, size_t length, hm2_error *error);
+/* ---- step generators (stepgen.c): position feedback and the rate that follows a command --- */
+
+/* One step generator; the caller owns it and zeroes it first. */
+typedef struct hm2_stepgen {
+	/* settings */
+	double scale;            /* steps per unit, not 0 */
+	double clock_hz;         /* of the module */
+	double max_velocity;     /* units/s, > 0; INFINITY: what the pulse times allow */
+	double max_acceleration; /* units/s^2; 0: not limited */
+	double max_step_rate;    /* steps/s the pulse times allow */
+	int32_t position_control;/* 1: follow position_command, 0: velocity_command */
+	int32_t enable;          /* 0: rate 0 at once */
+	/* commands */
+	double position_command, velocity_command; /* units, units/s */
+	/* results */
+	int64_t subcounts;       /* 1/65536 step, since the first update */
+	double position;         /* units: subcounts / 65536 / scale */
+	double velocity;         /* units/s, as commanded to the hardware */
+	uint32_t rate;           /* rate register: signed, steps/s * 2^32 / clock */
+	/* private */
+	double last_command;
+	int64_t last_ns;
+	uint32_t accumulator;
+	int32_t valid;
+} hm2_stepgen;
+
+/* Takes in the accumulator (16.16 steps) and sets `rate` for the coming period. Moves of 32768 steps and
+ * more between two updates cannot be told from shorter ones. */
+void hm2_stepgen_update(hm2_stepgen *stepgen, uint32_t accumulator, int64_t now_ns);
+
+typedef struct hm2_stepgens {
+	hm2_stepgen *stepgens;
+	uint32_t *words; /* room for 2 * count: accumulators read, rates written */
+	uint32_t count;
+	uint32_t rate_address, accumulator_address; /* of instance 0, contiguous */
+} hm2_stepgens;
+
+void hm2_stepgens_part(hm2_stepgens *stepgens, hm2_cyclic *part);
 
 #endif

@@ -14,4 +14,7 @@ PARTS: dict[str, tuple[str, str]] = {
     "watchdog": ("hostmot2.modules.watchdog", "Watchdog"),
     "leds": ("hostmot2.modules.led", "Leds"),
     "encoders": ("hostmot2.modules.encoder", "Encoders"),
+    "stepgens": ("hostmot2.modules.stepgen", "Stepgens"),
+    "pwmgens": ("hostmot2.modules.pwmgen", "Pwmgens"),
+    "dpll": ("hostmot2.modules.dpll", "Dpll"),
 }

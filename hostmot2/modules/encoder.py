@@ -133,7 +133,7 @@ class Encoder:
         """Latch the count at the next edge of the probe input. Raises UnsupportedFirmware without probe."""
         if not self._module.has_probe:
             raise errors.UnsupportedFirmware(
-                f"encoder {self.index}: this firmware's encoders (version {self._module.version}) have no probe"
+                f"encoder {self.index}: encoders of version {self._module.version} have no probe input"
             )
         self._state.request = lib.HM2_ENCODER_PROBE
 

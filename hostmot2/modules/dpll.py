@@ -1,0 +1,136 @@
+"""HM2DPLL: a clock on the card that follows the host's cycle, for sampling at an exact moment.
+
+Source: fact sheets registers 2.8 and card_observed 8.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hostmot2._core import ffi, lib
+from hostmot2.cycle import Order
+from hostmot2.registers import Dpll as Registers
+from hostmot2.registers import Gtag
+
+if TYPE_CHECKING:
+    from hostmot2.board import Board
+
+_SETTLE_CYCLES = 100
+"""Exchanges at the start in which the phase is set rather than followed."""
+_DEFAULT_LIMIT = 0x400000
+_DEFAULT_TIME_CONSTANT = 2000
+
+
+class Dpll:
+    """The card's DPLL. Each exchange's reading of the sync register is its phase reference.
+
+    Reading that register moves the loop, so nothing but the cycle reads it. Set `frequency` to the rate of
+    your exchanges. Timer times are relative to the exchange: negative is before it.
+    """
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._module = board.module(Gtag.DPLL)
+        self._sync: Any = ffi.new("uint32_t *")
+        self._phase: Any = ffi.new("uint32_t *")
+        self._timers = [0.0] * 4
+        self._limit, self._time_constant = _DEFAULT_LIMIT, _DEFAULT_TIME_CONSTANT
+        control1 = Registers.control1
+        self.accumulator_bits = control1.accumulator_size.get(board.read(self._address(control1.number)))
+        """Width of the phase accumulator."""
+        self._frequency = 1000.0
+        self._settling = 0
+        self._join_cycle()
+        self._restore()
+        board.on_restore(self._restore)
+
+    def _address(self, register: int) -> int:
+        return self._module.register_address(register)
+
+    def _join_cycle(self) -> None:
+        self._blocks = [
+            self._block(self._sync, Registers.sync.number, lib.HM2_TRANSFER_READ),
+            self._block(self._phase, Registers.phase.number, lib.HM2_TRANSFER_WRITE),
+        ]
+        self._board.cycle.after(self._settle)
+
+    def _block(self, words: Any, register: int, flags: int) -> Any:
+        block: Any = ffi.new("hm2_cyclic_words *")
+        block.transfer.address, block.transfer.count = self._address(register), 1
+        block.transfer.flags, block.transfer.words, block.enabled = flags, words, 1
+        part = ffi.new("hm2_cyclic *")
+        lib.hm2_cyclic_words_part(block, part)
+        self._board.cycle.add(part, (block, part), Order.DPLL)
+        return block
+
+    def _settle(self) -> None:
+        if self._settling:
+            self._settling -= 1
+            self._blocks[1].enabled = int(self._settling > 0)
+            if not self._settling:
+                self._write_control0()  # clears the filtered error gathered so far
+
+    @property
+    def frequency(self) -> float:
+        """Hz: the rate of the exchanges. Setting it starts the loop anew."""
+        return self._frequency
+
+    @frequency.setter
+    def frequency(self, hertz: float) -> None:
+        prescale, base = self._rates(hertz)
+        if not 1 <= prescale <= 255 or not 0 < base <= 0xFFFFFFFF:
+            raise ValueError(f"DPLL frequency {hertz} Hz cannot be made from {self._module.clock} Hz")
+        self._frequency = hertz
+        self._restore()
+
+    def _rates(self, hertz: float) -> tuple[int, int]:
+        if not hertz > 0:
+            return 0, 0
+        full = 2.0**self.accumulator_bits
+        prescale = max(1, int(2**30 * self._module.clock / (full * hertz)))
+        return prescale, int(hertz * full * prescale / self._module.clock)
+
+    @property
+    def phase_error(self) -> float:
+        """Seconds between the card's cycle and the last exchange."""
+        raw = self._sync[0]
+        return (raw - (1 << 32) if raw >> 31 else raw) / float(1 << 32) / self._frequency
+
+    def set_timer(self, number: int, seconds: float) -> None:
+        """Let timer 1 to 4 come `seconds` after the exchange; negative: before it. Less than one period."""
+        if not 1 <= number <= 4:
+            raise ValueError(f"DPLL timer {number} is outside 1..4")
+        if not abs(seconds) * self._frequency < 1:
+            raise ValueError(
+                f"DPLL timer {number}: {seconds} s is not within one period of {self._frequency} Hz"
+            )
+        self._timers[number - 1] = seconds
+        self._write_timers()
+
+    def timer(self, number: int) -> float:
+        """Seconds after the exchange at which timer 1 to 4 comes."""
+        return self._timers[number - 1]
+
+    def _write_timers(self) -> None:
+        words = [int(-seconds * self._frequency * 65536) & 0xFFFF for seconds in self._timers]
+        self._board.write(self._address(Registers.timer_12.number), words[0] | words[1] << 16)
+        self._board.write(self._address(Registers.timer_34.number), words[2] | words[3] << 16)
+
+    def _write_control0(self) -> None:
+        prescale, _ = self._rates(self._frequency)
+        control0 = Registers.control0
+        word = control0.prescale.put(prescale) | control0.limit.put(self._limit)
+        self._board.write(self._address(control0.number), word)
+
+    def _restore(self) -> None:
+        _, base = self._rates(self._frequency)
+        self._board.write(self._address(Registers.base_rate.number), base)
+        self._write_control0()
+        control1 = Registers.control1
+        self._board.write(self._address(control1.number), control1.filter_prescale.put(self._time_constant))
+        self._write_timers()
+        self._settling = _SETTLE_CYCLES
+        self._blocks[1].enabled = 1
+
+    def __repr__(self) -> str:
+        return f"<Dpll {self._frequency:g} Hz, phase error {self.phase_error * 1e6:.1f} us>"

@@ -1,0 +1,232 @@
+"""PWM and PDM generators. Source: fact sheets registers 2.6 and card_observed 7."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, overload
+
+from hostmot2._core import ffi, lib
+from hostmot2.board import SafeOff
+from hostmot2.cycle import Order
+from hostmot2.registers import Gtag, PwmgenOutput
+from hostmot2.registers import Pwmgen as Registers
+
+if TYPE_CHECKING:
+    from hostmot2.board import Board
+
+_WIDTHS = (12, 11, 10, 9)
+_PDM_BITS = 12
+_VALUE = Registers.value
+
+
+class Pwmgen:
+    """One generator: `value / scale` is the duty, -1 to 1. Off (duty 0, /Enable high) until `enable` is set."""
+
+    def __init__(self, pwmgens: Pwmgens, index: int) -> None:
+        self._all = pwmgens
+        self.index = index
+        self._value, self._scale, self._enable = 0.0, 1.0, False
+        self._output, self._offset_mode = PwmgenOutput.PWM_DIRECTION, False
+
+    @property
+    def value(self) -> float:
+        """The wanted output in units of `scale`; limited to +-scale. The next exchange writes it."""
+        return self._value
+
+    @value.setter
+    def value(self, value: float) -> None:
+        self._value = value
+        self._all.update()
+
+    @property
+    def scale(self) -> float:
+        """The value of full duty; not 0."""
+        return self._scale
+
+    @scale.setter
+    def scale(self, scale: float) -> None:
+        if not math.isfinite(scale) or scale == 0:
+            raise ValueError(f"pwmgen {self.index}: scale {scale}")
+        self._scale = scale
+        self._all.update()
+
+    @property
+    def output(self) -> PwmgenOutput:
+        """What comes out on pins A and B.
+
+        UP_DOWN follows the hardware: a positive value pulses on B, a negative one on A.
+        """
+        return self._output
+
+    @output.setter
+    def output(self, output: PwmgenOutput) -> None:
+        self._output = PwmgenOutput(output)
+        self._all.configure()
+
+    @property
+    def offset_mode(self) -> bool:
+        """True: value 0 is 50 % duty."""
+        return self._offset_mode
+
+    @offset_mode.setter
+    def offset_mode(self, on: bool) -> None:
+        self._offset_mode = bool(on)
+        self._all.update()
+
+    @property
+    def enable(self) -> bool:
+        """Whether the output is on. Setting it drives the pins, clearing it makes the duty 0 at once."""
+        return self._enable
+
+    @enable.setter
+    def enable(self, on: bool) -> None:
+        if on:
+            self._all.claim(self.index)
+        self._enable = bool(on)
+        self._all.update()
+        self._all.configure()
+        if not on:
+            self._all.write_now()
+
+    @property
+    def duty(self) -> float:
+        """The duty that the last update asked for: -1 to 1, 0 while off. Not a number counts as 0."""
+        duty = self._value / self._scale if self._enable else 0.0
+        return 0.0 if math.isnan(duty) else max(-1.0, min(1.0, duty))
+
+    @property
+    def bits(self) -> int:
+        """Resolution: 9 to 12 bits by PWM frequency, 12 for PDM."""
+        return _PDM_BITS if self._output == PwmgenOutput.PDM_DIRECTION else self._all.bits
+
+    def word(self) -> int:
+        """The value register for the present duty."""
+        if self._offset_mode and self._enable:
+            half = 1 << self.bits - 1
+            return _VALUE.magnitude.put(round(self.duty * (half - 1) + half))
+        magnitude = int(abs(self.duty) * ((1 << self.bits) - 1))
+        return _VALUE.magnitude.put(magnitude) | _VALUE.direction.put(self.duty < 0)
+
+    def mode_word(self) -> int:
+        """The mode register: PWM is double buffered, so that no cycle is cut; PDM cannot be."""
+        mode = Registers.mode
+        buffered = self._output != PwmgenOutput.PDM_DIRECTION
+        return (
+            mode.width_select.put(self._all.bits - 9)
+            | mode.output.put(self._output)
+            | mode.double_buffer.put(buffered)
+        )
+
+    def __repr__(self) -> str:
+        return f"<Pwmgen {self.index} {'on' if self._enable else 'off'} duty {self.duty:g}>"
+
+
+class Pwmgens(Sequence[Pwmgen]):
+    """The card's PWM generators. All off when the board closes and after a watchdog bite."""
+
+    def __init__(self, board: Board) -> None:
+        self._board = board
+        self._module = board.module(Gtag.PWMGEN)
+        self._words: Any = ffi.new("uint32_t[]", self._module.instances)
+        self._pwm_frequency = self._pdm_frequency = 20000.0
+        self.bits, self._pwm_rate = self._choose(20000.0)
+        self._pwmgens = [Pwmgen(self, n) for n in range(self._module.instances)]
+        self._off()
+        self._join_cycle()
+        board.on_restore(self._off)
+        board.on_close(self._off, SafeOff.GENERATORS)
+
+    def _join_cycle(self) -> None:
+        block: Any = ffi.new("hm2_cyclic_words *")
+        block.transfer.address = self._address(_VALUE.number)
+        block.transfer.count, block.transfer.flags = self._module.instances, lib.HM2_TRANSFER_WRITE
+        block.transfer.words, block.enabled = self._words, 1
+        part = ffi.new("hm2_cyclic *")
+        lib.hm2_cyclic_words_part(block, part)
+        self._board.cycle.add(part, (block, part), Order.GENERATORS)
+
+    def _address(self, register: int, instance: int = 0) -> int:
+        return self._module.register_address(register, instance)
+
+    def _choose(self, frequency: float) -> tuple[int, int]:
+        """The widest resolution whose rate fits its 16 bits."""
+        for bits in _WIDTHS:
+            rate = round(frequency * 65536 * 2**bits / self._module.clock) if frequency > 0 else 0
+            if 1 <= rate <= 0xFFFF:
+                return bits, rate
+        limit = self._module.clock * 0xFFFF / 65536 / 2 ** _WIDTHS[-1]
+        raise ValueError(f"PWM frequency {frequency} Hz is outside 0..{limit:.0f} Hz")
+
+    @property
+    def frequency(self) -> float:
+        """PWM frequency of all generators in Hz; the default is 20 kHz. High ones have fewer bits."""
+        return self._pwm_rate * self._module.clock / 65536 / float(2**self.bits)
+
+    @frequency.setter
+    def frequency(self, hertz: float) -> None:
+        self.bits, self._pwm_rate = self._choose(hertz)
+        self.update()
+        self.configure()
+
+    @property
+    def pdm_frequency(self) -> float:
+        """Pulse slots per second of all PDM outputs; the default is 20 kHz."""
+        return self._pdm_rate * self._module.clock / 65536
+
+    @pdm_frequency.setter
+    def pdm_frequency(self, hertz: float) -> None:
+        if not 1 <= hertz * 65536 / self._module.clock < 65536:
+            raise ValueError(f"PDM frequency {hertz} Hz is outside 1..{self._module.clock} Hz")
+        self._pdm_frequency = hertz
+        self.configure()
+
+    @property
+    def _pdm_rate(self) -> int:
+        return min(0xFFFF, max(1, round(self._pdm_frequency * 65536 / self._module.clock)))
+
+    def claim(self, instance: int) -> None:
+        """Drive the pins of one instance; arms the watchdog first."""
+        self._board.cycle.arm_watchdog()
+        pins = [
+            p for p in self._board.pins if p.secondary_gtag == Gtag.PWMGEN and p.secondary_unit == instance
+        ]
+        self._board.ioport.claim(pins, f"pwmgen {instance}")
+
+    def update(self) -> None:
+        """Bring all values into the words that the next exchange writes."""
+        for pwmgen in self._pwmgens:
+            self._words[pwmgen.index] = pwmgen.word()
+
+    def write_now(self) -> None:
+        """Write all values without waiting for the next exchange."""
+        self._board.write(self._address(_VALUE.number), list(self._words))
+
+    def configure(self) -> None:
+        """Write modes, enables and rates, in this order."""
+        for pwmgen in self._pwmgens:
+            self._board.write(self._address(Registers.mode.number, pwmgen.index), pwmgen.mode_word())
+        enables = sum(1 << pwmgen.index for pwmgen in self._pwmgens if pwmgen.enable)
+        self._board.write(self._address(Registers.enable.number), enables)
+        self._board.write(self._address(Registers.pwm_rate.number), self._pwm_rate)
+        self._board.write(self._address(Registers.pdm_rate.number), self._pdm_rate)
+
+    def _off(self) -> None:
+        for pwmgen in self._pwmgens:
+            pwmgen._enable = False
+        self.update()
+        self.write_now()
+        self.configure()
+
+    def __len__(self) -> int:
+        return len(self._pwmgens)
+
+    @overload
+    def __getitem__(self, index: int) -> Pwmgen: ...
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Pwmgen]: ...
+    def __getitem__(self, index: int | slice) -> Pwmgen | Sequence[Pwmgen]:
+        return self._pwmgens[index]
+
+    def __repr__(self) -> str:
+        return "\n".join(map(repr, self._pwmgens))
