@@ -17,8 +17,12 @@ static double tracking_velocity(const hm2_stepgen *stepgen, double period)
 	const double error = stepgen->position_command - stepgen->position;
 	const double feed_forward = (stepgen->position_command - stepgen->last_command) / period;
 	double correction = CATCH_UP * error / period;
-	if (stepgen->max_acceleration > 0.0)
-		correction = limited(correction, sqrt(2.0 * stepgen->max_acceleration * fabs(error)));
+	if (stepgen->max_acceleration > 0.0) {
+		/* braking acts in whole periods: half a period's worth is kept back */
+		const double half = stepgen->max_acceleration * period / 2.0;
+		const double braking = sqrt(half * half + 2.0 * stepgen->max_acceleration * fabs(error)) - half;
+		correction = limited(correction, braking);
+	}
 	return feed_forward + correction;
 }
 

@@ -1,6 +1,6 @@
+"""The C core: every public name of csrc/hm2.h."""
+
 from typing import Any
 
-from cffi import FFI
-
-ffi: FFI
+ffi: Any
 lib: Any

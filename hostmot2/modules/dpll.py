@@ -93,7 +93,7 @@ class Dpll:
     @property
     def phase_error(self) -> float:
         """Seconds between the card's cycle and the last exchange."""
-        raw = self._sync[0]
+        raw = int(self._sync[0])
         return (raw - (1 << 32) if raw >> 31 else raw) / float(1 << 32) / self._frequency
 
     def set_timer(self, number: int, seconds: float) -> None:

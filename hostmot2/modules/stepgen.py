@@ -35,7 +35,7 @@ _EXTRA_CLOCKS = {"step_length": 1, "step_space": 3, "direction_setup": 0, "direc
 class Stepgen:
     """One step generator. Readings are those of the board's last exchange.
 
-    Off until `enable` is set: rate 0, pins not driven. Set `scale` (steps per unit) and the pulse times first.
+    Off until `enable` is set: rate 0, pins not driven. Set `scale` and the pulse times first.
     """
 
     def __init__(self, stepgens: Stepgens, index: int, state: Any) -> None:
@@ -169,7 +169,7 @@ class Stepgen:
         The published hardware and the drivers in use disagree on the bits of index and probe latching.
         """
         raise errors.UnsupportedFirmware(
-            "stepgen index and probe: the published hardware description and the drivers in use give the mode "
+            "stepgen index and probe: the published hardware description and drivers in use give the mode "
             "bits differently, so a latched position could be wrong; home with an encoder or an input instead"
         )
 
