@@ -743,6 +743,12 @@ typedef struct hm2_ethernet_config {
 /* card NULL: a register file of plain memory. The card is not owned. NULL: no memory, or a bad config. */
 struct hm2_ethernet *hm2_ethernet_new(const hm2_ethernet_config *config, const hm2_ethernet_card *card);
 void hm2_ethernet_free(struct hm2_ethernet *ethernet);
+/* The interface of an emulated card; borrowed, so free the card last. */
+void hm2_ethernet_emulator(struct hm2_emulator *card, hm2_ethernet_card *out);
+/* Between the two no packet is processed: for looking into or steering a card that is being served. The
+ * same thread may nest them. */
+void hm2_ethernet_hold(struct hm2_ethernet *ethernet);
+void hm2_ethernet_release(struct hm2_ethernet *ethernet);
 /* One datagram in; the reply's length, 0 for none. reply holds HM2_LBP16_MAX_PAYLOAD bytes. Safe from
  * any thread, as are all below. */
 size_t hm2_ethernet_process(struct hm2_ethernet *ethernet, const uint8_t *request, size_t length, uint8_t *reply);

@@ -68,6 +68,17 @@ static void restart(struct hm2_ethernet *ethernet)
 	ethernet->reload_requested = 0;
 }
 
+/* Recursive: who holds the card may still look into the engine. */
+static void init_mutex(pthread_mutex_t *mutex)
+{
+	pthread_mutexattr_t attributes;
+
+	pthread_mutexattr_init(&attributes);
+	pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_RECURSIVE);
+	pthread_mutex_init(mutex, &attributes);
+	pthread_mutexattr_destroy(&attributes);
+}
+
 struct hm2_ethernet *hm2_ethernet_new(const hm2_ethernet_config *config, const hm2_ethernet_card *card)
 {
 	struct hm2_ethernet *ethernet = calloc(1, sizeof *ethernet);
@@ -86,7 +97,7 @@ struct hm2_ethernet *hm2_ethernet_new(const hm2_ethernet_config *config, const h
 		free(ethernet);
 		return NULL;
 	}
-	pthread_mutex_init(&ethernet->mutex, NULL);
+	init_mutex(&ethernet->mutex);
 	ethernet_eeprom_init(ethernet);
 	restart(ethernet);
 	return ethernet;
@@ -100,6 +111,16 @@ void hm2_ethernet_free(struct hm2_ethernet *ethernet)
 	free(ethernet->flash.bytes);
 	free(ethernet->plain);
 	free(ethernet);
+}
+
+void hm2_ethernet_hold(struct hm2_ethernet *ethernet)
+{
+	pthread_mutex_lock(&ethernet->mutex);
+}
+
+void hm2_ethernet_release(struct hm2_ethernet *ethernet)
+{
+	pthread_mutex_unlock(&ethernet->mutex);
 }
 
 static void configure_fpga(struct hm2_ethernet *ethernet, uint32_t address)

@@ -8,7 +8,8 @@ from __future__ import annotations
 import ipaddress
 import logging
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Any, Final, Protocol, Self
@@ -23,11 +24,12 @@ REQUESTS: Final = lib.HM2_ETHERNET_REQUESTS
 REPLIES: Final = lib.HM2_ETHERNET_REPLIES
 
 
-class Addressable(Protocol):
-    """What the engine needs of an emulated board: `ethernet_card()` fills in the C interface."""
+class Emulator(Protocol):
+    """What the engine needs of an emulated board."""
 
-    def ethernet_card(self) -> Any:
-        """An `hm2_ethernet_card *`, valid as long as the board lives."""
+    @property
+    def handle(self) -> Any:
+        """The `hm2_emulator *`, valid as long as the board lives."""
 
 
 @dataclass(frozen=True)
@@ -122,11 +124,14 @@ class EthernetCard:
         lib.HM2_ETHERNET_IMAGE_NONE: "none",
     }
 
-    def __init__(self, description: EthernetDescription, board: Addressable | None = None) -> None:
+    def __init__(self, description: EthernetDescription, board: Emulator | None = None) -> None:
         flash_layout.flash_size(description.flash_id)
         self.description = description
         self._board = board  # the C side borrows it
-        self._card = board.ethernet_card() if board is not None else ffi.NULL
+        self._card: Any = ffi.NULL
+        if board is not None:
+            self._card = ffi.new("hm2_ethernet_card *")
+            lib.hm2_ethernet_emulator(board.handle, self._card)
         self._engine = ffi.gc(lib.hm2_ethernet_new(_c_config(description), self._card), lib.hm2_ethernet_free)
         if self._engine == ffi.NULL:
             raise MemoryError("emulated Ethernet card")
@@ -144,6 +149,18 @@ class EthernetCard:
             self.flash_write(0, flash_layout.boot_block(user).ljust(flash_layout.PAGE_SIZE, b"\0"))
             self.flash_write(flash_layout.FALLBACK_ADDRESS, stand_in)
         self.flash_write(user, stand_in)
+
+    @contextmanager
+    def hold(self) -> Iterator[None]:
+        """While the block runs no packet is processed.
+
+        For everything that touches the emulated board, its pins and its remotes while a server runs.
+        """
+        lib.hm2_ethernet_hold(self._engine)
+        try:
+            yield
+        finally:
+            lib.hm2_ethernet_release(self._engine)
 
     @property
     def handle(self) -> Any:
@@ -266,14 +283,19 @@ class ServerCounters:
 def _describe(board: Any, given: EthernetDescription | None) -> EthernetDescription:
     if given is not None:
         return given
-    return DESCRIPTIONS["7i92"] if board is None else description(board.spec)
+    if board is None:
+        return DESCRIPTIONS["7i92"]
+    if board.description is None:
+        raise ValueError("a board made from IDROM words needs a description=")
+    return description(board.description.name)
 
 
 class EthernetServer:
     """An emulated card on a UDP socket: `with EthernetServer(board) as server: udp://{server.url}`.
 
     Listens on loopback unless told otherwise; whoever reaches another address can drive the card, so
-    that is logged as a warning. `port` 0 takes a free one. `fifo_priority` needs the right to real-time
+    that is logged as a warning. `port` 0 takes a free one. While it runs, the board, its pins and its
+    remotes are touched only inside `with server.card.hold():`. `fifo_priority` needs the right to real-time
     scheduling. `board` is an emulated board, an `EthernetCard`, or None for plain registers.
     """
 
