@@ -198,12 +198,14 @@ static int unit_number(hm2_remote *remote, remote_answer *answer)
 {
 	int64_t address = remote->knob[HM2_REMOTE_UNIT_ADDRESS];
 	int64_t unit = remote->knob[HM2_REMOTE_UNIT];
-	const uint8_t *ram = remote->ram + address;
 
 	if (!remote->knob[HM2_REMOTE_ANSWERS_UNIT])
 		return -1;
-	if (address >= 0)
+	if (address >= 0) {
+		const uint8_t *ram = remote->ram + address;
+
 		unit = ram[0] | ram[1] << 8 | ram[2] << 16 | (int64_t)ram[3] << 24;
+	}
 	return answer_word(remote, answer, unit) || answer_word(remote, answer, unit >> 16) ? -1 : 0;
 }
 
@@ -262,8 +264,9 @@ static int run_stored(hm2_remote *remote, uint8_t header, byte_source *data, rem
 	byte_source list = stored_list(remote, header);
 	const uint8_t *step = take(&list, 1);
 
-	if (!step || *step == 0)
-		return refuse(remote); /* nothing stored there */
+	/* Nothing stored there, or the table is open for writing (7I77 manual: must be clear in operation). */
+	if (!step || *step == 0 || remote->locals[HM2_LBP_LOCAL_RPC_MEMORY_ACCESS])
+		return refuse(remote);
 	for (; step && *step; step = take(&list, 1)) {
 		if (LBP_KIND(*step) != HM2_LBP_KIND_DATA)
 			return refuse(remote);
