@@ -30,6 +30,7 @@ const char *hm2_status_name(int status)
 	case HM2_ERR_READ_ONLY: return "read only";
 	case HM2_ERR_FORMAT: return "broken table";
 	case HM2_ERR_GATED: return "writes held back after a watchdog bite";
+	case HM2_ERR_ABSENT: return "not recorded";
 	case HM2_ERR_LINK: return "link given up";
 	default: return "unknown status";
 	}

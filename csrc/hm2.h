@@ -29,6 +29,7 @@ enum hm2_status {
 	HM2_ERR_READ_ONLY = -9,
 	HM2_ERR_FORMAT = -10,   /* a table in the card's or a remote's memory is broken: address, detail */
 	HM2_ERR_GATED = -11,    /* writes are held back until the user has acknowledged a watchdog bite */
+	HM2_ERR_ABSENT = -13,   /* the word is not in the recording */
 	HM2_ERR_LINK = -12      /* too many exchanges in a row failed: expected = limit, received = level */
 };
 
@@ -122,6 +123,12 @@ enum hm2_memory_map_detail {
 
 /* Maps the first 64 KiB of path, shared. Only aligned 32-bit accesses, little endian, in order. */
 int hm2_memory_map_bus(const char *path, hm2_bus *bus, hm2_error *error);
+
+/* ---- recorded words (image.c): a card that can only be looked at -------------------------- */
+
+/* A bus that reads the given words at the given addresses (copied), HM2_ERR_ABSENT elsewhere; writes fail
+ * with HM2_ERR_READ_ONLY. HM2_ERR_ALIGN, HM2_ERR_RANGE: an address that cannot be, index = which. */
+int hm2_image_bus(const uint32_t *addresses, const uint32_t *words, size_t count, hm2_bus *bus, hm2_error *error);
 
 /* ---- process data (process_data.c, process_unpack.c, process_pack.c) ----------------------- */
 

@@ -10,6 +10,7 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |    +-- ProtocolError
      |    +-- ReadOnly
      |    +-- NotInDump
+     |    +-- BrokenDump
      |    +-- CardNotFound
      |    +-- CardBusy
      |    +-- MappingTooSmall
@@ -55,7 +56,7 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
 
 A code (HM2-E0xx) is stable: once given to a class it is never given to another. E010 to E019 transports,
 E020 to E039 smart serial, E040 to E049 modules at work, E050 to E079 the card's description,
-E090 to E099 Ethernet cards and their images.
+E080 to E089 dumps, E090 to E099 Ethernet cards and their images.
 """
 
 from __future__ import annotations
@@ -205,7 +206,13 @@ class SserialError(HostMot2Error):
 class NotInDump(TransportError):
     """The word was not recorded in the dump (absent on purpose when reading it has side effects)."""
 
-    code = "HM2-E049"
+    code = "HM2-E080"
+
+
+class BrokenDump(TransportError):
+    """A line of a dump file is not one; index: the line number."""
+
+    code = "HM2-E081"
 
 
 class BoardError(HostMot2Error):
@@ -489,6 +496,7 @@ _BY_STATUS: dict[int, type[HostMot2Error]] = {
     lib.HM2_ERR_READ_ONLY: ReadOnly,
     lib.HM2_ERR_GATED: WatchdogBite,
     lib.HM2_ERR_LINK: LinkFailed,
+    lib.HM2_ERR_ABSENT: NotInDump,
 }
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from typing import Any
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import parse_qsl, unquote, urlsplit
 
+from hostmot2 import dump
 from hostmot2._core import ffi, lib
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.transports.base import Transport
@@ -13,7 +14,11 @@ _OPTIONS = {"clock": ("real", "virtual"), "wire": ("on", "off"), "firmware": ("a
 
 
 def open_transport(url: str) -> Transport:
-    """Make the emulated card that `url` describes, such as emu://5i25+7i77?clock=virtual&wire=off."""
+    """Make the emulated card that `url` describes, such as emu://5i25+7i77?clock=virtual&wire=off.
+
+    emu:///path/board.hm2dump makes one with the IDROM of that dump: the same modules and pins, in power-up
+    state, with nothing connected.
+    """
     parts = urlsplit(url)
     spec = parts.netloc + parts.path
     options = dict(parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query)))
@@ -25,9 +30,10 @@ def open_transport(url: str) -> Transport:
     return transport_of(_card(spec, options), url)
 
 
-def _card(spec: str, options: dict[str, str]) -> EmulatedBoard:
+def _card(name: str, options: dict[str, str]) -> EmulatedBoard:
     clock: Any = options.get("clock", "real")
     wire: Any = options.get("wire", "on")
+    spec = dump.load(unquote(name)).idrom_words() if name.startswith("/") else name
     return EmulatedBoard(spec, clock=clock, wire=wire, firmware=options.get("firmware"))
 
 
