@@ -812,6 +812,129 @@ void hm2_ethernet_server_set_fault(struct hm2_ethernet_server *server, int direc
                                    const hm2_ethernet_fault *fault);
 void hm2_ethernet_server_set_seed(struct hm2_ethernet_server *server, uint64_t seed);
 void hm2_ethernet_server_get_counters(struct hm2_ethernet_server *server, hm2_ethernet_server_counters *counters);
+/* ---- SSERIAL (sserial.c, sserial_command.c, sserial_doit.c, sserial_remote.c) ------------- */
+
+#define HM2_SSERIAL_CHANNELS 8       /* of one instance, at most */
+#define HM2_SSERIAL_DATA_REGISTERS 7 /* 32-bit interface data registers of a channel, at most */
+#define HM2_SSERIAL_EVENTS 64        /* kept until taken */
+
+struct hm2_sserial;
+
+/* From the card's module descriptor and pin descriptors; nothing is looked up later. */
+typedef struct hm2_sserial_config {
+	uint32_t base;            /* COMMAND of instance 0 */
+	uint32_t register_stride; /* bytes */
+	uint32_t instance_stride; /* bytes */
+	uint32_t instance;
+	uint32_t channels;        /* 1..8 */
+	uint32_t data_registers;  /* 3 (gtag C1) or 7 (C6) */
+} hm2_sserial_config;
+
+enum hm2_sserial_mode { HM2_SSERIAL_STOPPED = 0, HM2_SSERIAL_NORMAL, HM2_SSERIAL_SETUP };
+
+/* hm2_error.detail where `where` begins with "sserial" */
+enum hm2_sserial_detail {
+	HM2_SSERIAL_UNJAMMED = 1,   /* hung command: aborted, then all channels stopped */
+	HM2_SSERIAL_RESET,          /* hung command: only a reset of the processor helped */
+	HM2_SSERIAL_DEAD,           /* hung command: not even that */
+	HM2_SSERIAL_MODE_CONFLICT,  /* channels run in the other mode: stop them first */
+	HM2_SSERIAL_NOT_STARTED,    /* the channel (index) is not started in the mode that this needs */
+	HM2_SSERIAL_NO_FIRMWARE,    /* the processor does not answer as SSLBP does: expected, received */
+	HM2_SSERIAL_REMOTE_SILENT,  /* no usable answer from the remote: address, received = CS */
+	HM2_SSERIAL_TOO_SOON        /* the last DOIT is still at work; nothing was written */
+};
+
+/* What start left in a channel's registers. */
+typedef struct hm2_sserial_identity {
+	uint32_t cs;
+	uint32_t unit_number;
+	uint32_t name; /* four characters, the first in the low byte */
+	uint32_t toc;  /* GTOC << 16 | PTOC; 0: the remote has no tables */
+} hm2_sserial_identity;
+
+/* Registers as last exchanged. Inputs of a failed transfer keep the last good values. */
+typedef struct hm2_sserial_image {
+	uint32_t cs[HM2_SSERIAL_CHANNELS];
+	uint32_t inputs[HM2_SSERIAL_CHANNELS][HM2_SSERIAL_DATA_REGISTERS];
+	uint32_t outputs[HM2_SSERIAL_CHANNELS][HM2_SSERIAL_DATA_REGISTERS]; /* the caller's to write */
+} hm2_sserial_image;
+
+typedef struct hm2_sserial_counters {
+	uint64_t doits;      /* transfers completed */
+	uint64_t too_soon;   /* pipelined transfers not begun because the last one was at work */
+	uint64_t hung;       /* commands that never completed */
+	uint64_t failed[HM2_SSERIAL_CHANNELS]; /* transfers whose DATA bit was set */
+	int64_t last_doit_ns; /* from the DOIT's write to the read that saw it complete, at most */
+} hm2_sserial_counters;
+
+/* A fault that was not there in the transfer before. Sticky bits rise once per stop, live ones each time. */
+typedef struct hm2_sserial_event {
+	uint64_t transfer;    /* number of the DOIT, as in counters.doits; 0: the start itself */
+	int64_t time_ns;      /* on the bus's clock */
+	int32_t channel;
+	int32_t failed;       /* this DOIT's DATA bit, where the one before was good */
+	uint32_t cs;
+	uint32_t rising;      /* fault and status bits of CS that have appeared */
+	uint32_t word;        /* the watched input word (hm2_sserial_watch) */
+	uint32_t word_rising;
+} hm2_sserial_event;
+
+int hm2_sserial_open(struct hm2_board *board, const hm2_sserial_config *config, struct hm2_sserial **port,
+                     hm2_error *error);
+void hm2_sserial_free(struct hm2_sserial *port); /* touches no register */
+
+/* Processor reset; afterwards all channels are stopped and baud rates are the default. */
+int hm2_sserial_reset(struct hm2_sserial *port, hm2_error *error);
+/* Zeroes the outputs, sends them to running channels, stops. mask 0: STOP ALL. */
+int hm2_sserial_stop(struct hm2_sserial *port, uint32_t mask, hm2_error *error);
+/* mode: HM2_SSERIAL_NORMAL or _SETUP. Returns the mask of channels that did not start, or a status.
+ * Outputs of channels not yet running become zero. A channel that never completes its start (a remote
+ * whose clear-fault flag is stuck) is stopped and reported as failed; the others stay started. */
+int hm2_sserial_start(struct hm2_sserial *port, uint32_t mask, int mode, hm2_error *error);
+/* Sent to the remote at its next start; 0 unless set. */
+void hm2_sserial_set_software_mode(struct hm2_sserial *port, uint32_t channel, uint32_t mode);
+uint32_t hm2_sserial_started(const struct hm2_sserial *port);
+int hm2_sserial_mode(const struct hm2_sserial *port);
+void hm2_sserial_get_identity(const struct hm2_sserial *port, uint32_t channel, hm2_sserial_identity *identity);
+
+/* How many process bits a channel moves: only registers that carry some are touched in the cycle. */
+int hm2_sserial_set_bits(struct hm2_sserial *port, uint32_t channel, uint32_t input_bits, uint32_t output_bits,
+                         hm2_error *error);
+/* Bits of an input register that report faults of the remote (8I20: its FAULT word); mask 0: none. */
+void hm2_sserial_watch(struct hm2_sserial *port, uint32_t channel, uint32_t input_register, uint32_t mask);
+hm2_sserial_image *hm2_sserial_get_image(struct hm2_sserial *port);
+
+/* Writes outputs, DOIT, waits, reads results and inputs. Returns the mask of failed channels (named but
+ * not started ones included), or a status. */
+int hm2_sserial_doit(struct hm2_sserial *port, uint32_t mask, hm2_error *error);
+/* One step of a pipeline: reads the results of the last DOIT, then writes outputs and the next DOIT
+ * without waiting for it. *requested: the channels the result speaks of, 0 in the first step. */
+int hm2_sserial_cycle(struct hm2_sserial *port, uint32_t mask, uint32_t *requested, hm2_error *error);
+/* The write to COMMAND that the firmware ignores, allowed at any time. */
+int hm2_sserial_ignored_write(struct hm2_sserial *port, hm2_error *error);
+
+void hm2_sserial_get_counters(const struct hm2_sserial *port, hm2_sserial_counters *counters);
+/* Oldest first; *lost counts those that found no room since the last call. Returns how many were taken. */
+size_t hm2_sserial_take_events(struct hm2_sserial *port, hm2_sserial_event *events, size_t capacity,
+                               uint64_t *lost);
+uint32_t hm2_sserial_pending_events(const struct hm2_sserial *port);
+
+/* Local variables of the firmware, 12-bit byte addresses, little endian. */
+int hm2_sserial_read_local(struct hm2_sserial *port, uint32_t address, uint8_t *bytes, size_t count,
+                           hm2_error *error);
+int hm2_sserial_write_local(struct hm2_sserial *port, uint32_t address, const uint8_t *bytes, size_t count,
+                            hm2_error *error);
+
+/* Memory of a remote that was started in setup mode. size: 1, 2, 4 or 8 bytes. space: 0 RAM, 1 EEPROM,
+ * 2 flash; left at 0. A transfer whose DATA bit is set is repeated; after the last try no value. */
+int hm2_sserial_read_remote(struct hm2_sserial *port, uint32_t channel, uint32_t space, uint32_t address,
+                            uint32_t size, uint64_t *value, hm2_error *error);
+int hm2_sserial_write_remote(struct hm2_sserial *port, uint32_t channel, uint32_t space, uint32_t address,
+                             uint32_t size, uint64_t value, hm2_error *error);
+/* One raw pass-through access: command 0x40..0x7F (address is sent where bit 2 says so) or local
+ * 0xC0..0xFF. No repetition. Returns HM2_ERR_TIMEOUT when the DATA bit is set. */
+int hm2_sserial_access(struct hm2_sserial *port, uint32_t channel, uint32_t command, uint32_t address,
+                       uint64_t *value, hm2_error *error);
 
 /* ---- an Ethernet card (udp.c, udp_datagram.c, udp_exchange.c) ------------------------------ */
 

@@ -1,0 +1,298 @@
+/* The cycle: register lists compiled once, one exchange per transfer where time allows, no allocation. */
+#include "sserial.h"
+
+#include <string.h>
+
+/* A DOIT's duration varies by a pass of the firmware's loop: waiting that much longer is cheaper than
+ * another read. */
+#define LOOP_PASS_NS 3000
+#define RETRY_NS 2000
+
+static void add(struct sserial_lists *lists, size_t *count, uint32_t address, int flags, uint32_t *words)
+{
+	hm2_transfer *last = *count ? &lists->transfers[*count - 1] : NULL;
+	/* registers of neighbouring channels are neighbours in the scratch rows, too */
+	if (last && last->flags == flags && last->address + 4u * last->count == address &&
+	    last->words + last->count == words) {
+		last->count++;
+		return;
+	}
+	lists->transfers[(*count)++] = (hm2_transfer){address, 1, (uint16_t)flags, words};
+}
+
+static void compile_reads(struct hm2_sserial *port, size_t *count)
+{
+	struct sserial_lists *lists = &port->lists;
+	/* COMMAND first: when it reads 0, what is read after it is the result */
+	add(lists, count, sserial_address(port, HM2_SSERIAL_COMMAND, 0), HM2_TRANSFER_READ, &lists->command);
+	add(lists, count, sserial_address(port, HM2_SSERIAL_DATA, 0), HM2_TRANSFER_READ, &lists->data);
+	for (uint32_t row = 0; row <= port->config.data_registers; row++) {
+		for (uint32_t channel = 0; channel < port->config.channels; channel++) {
+			if (lists->mask & 1u << channel && row <= port->channels[channel].input_registers)
+				add(lists, count, sserial_address(port, HM2_SSERIAL_CS + row, channel),
+				    HM2_TRANSFER_READ, &lists->in[row][channel]);
+		}
+	}
+}
+
+static void compile_writes(struct hm2_sserial *port, size_t *count)
+{
+	struct sserial_lists *lists = &port->lists;
+	for (uint32_t row = 0; row < port->config.data_registers; row++) {
+		for (uint32_t channel = 0; channel < port->config.channels; channel++) {
+			if (lists->mask & 1u << channel && row < port->channels[channel].output_registers)
+				add(lists, count, sserial_address(port, HM2_SSERIAL_USER0 + row, channel),
+				    HM2_TRANSFER_WRITE, &lists->out[row][channel]);
+		}
+	}
+	lists->doit = HM2_SSLBP_COMMAND_DOIT | lists->mask;
+	add(lists, count, sserial_address(port, HM2_SSERIAL_COMMAND, 0), HM2_TRANSFER_WRITE, &lists->doit);
+}
+
+static void compile(struct hm2_sserial *port, uint32_t mask)
+{
+	struct sserial_lists *lists = &port->lists;
+	size_t count = 0;
+	if (lists->mask == mask)
+		return;
+	lists->mask = mask;
+	compile_reads(port, &count);
+	lists->reads = count;
+	compile_writes(port, &count);
+	lists->writes = count - lists->reads;
+	memcpy(&lists->transfers[count], lists->transfers, lists->reads * sizeof lists->transfers[0]);
+	port->expected_ns = 0;
+}
+
+int hm2_sserial_set_bits(struct hm2_sserial *port, uint32_t channel, uint32_t input_bits, uint32_t output_bits,
+                         hm2_error *error)
+{
+	const uint32_t most = port->config.data_registers * 32;
+	if (channel >= port->config.channels || input_bits > most || output_bits > most)
+		return sserial_fail(error, HM2_ERR_RANGE, "sserial bits", 0, (int)channel);
+	struct sserial_channel *known = &port->channels[channel];
+	known->input_registers = (input_bits + 31) / 32;
+	known->output_registers = (output_bits + 31) / 32;
+	/* a register that is no longer read must not show what it once held */
+	memset(port->image.inputs[channel], 0, sizeof port->image.inputs[channel]);
+	port->lists.mask = 0;
+	return HM2_OK;
+}
+
+static void gather_outputs(struct hm2_sserial *port)
+{
+	for (uint32_t row = 0; row < port->config.data_registers; row++) {
+		for (uint32_t channel = 0; channel < port->config.channels; channel++)
+			port->lists.out[row][channel] = port->image.outputs[channel][row];
+	}
+}
+
+/* Inputs of a channel whose transfer failed are left alone: the registers hold nothing new. */
+static int take_results(struct hm2_sserial *port)
+{
+	struct sserial_lists *lists = &port->lists;
+	const uint32_t failed = lists->data & lists->mask;
+	port->counters.doits++;
+	for (uint32_t channel = 0; channel < port->config.channels; channel++) {
+		const uint32_t bit = 1u << channel;
+		if (!(lists->mask & bit))
+			continue;
+		if (failed & bit)
+			port->counters.failed[channel]++;
+		for (uint32_t row = 0; !(failed & bit) && row < port->channels[channel].input_registers; row++)
+			port->image.inputs[channel][row] = lists->in[1 + row][channel];
+		port->image.cs[channel] = lists->in[0][channel];
+		sserial_watch_transfer(port, channel, lists->in[0][channel], (failed & bit) != 0);
+	}
+	return (int)failed;
+}
+
+/* Learns from good transfers only: a lost reply takes longer than any that will be waited for. */
+static void learn(struct hm2_sserial *port, int64_t took_ns, int first_look, uint32_t failed)
+{
+	port->counters.last_doit_ns = took_ns;
+	if (failed)
+		return;
+	if (!first_look)
+		port->expected_ns = took_ns + LOOP_PASS_NS;
+	else
+		port->expected_ns -= port->expected_ns / 4096; /* creep towards the shortest wait that does */
+}
+
+static int read_results(struct hm2_sserial *port, hm2_error *error)
+{
+	return hm2_exchange(port->board, port->lists.transfers, port->lists.reads, error);
+}
+
+static int hung(struct hm2_sserial *port, const char *where, hm2_error *error)
+{
+	if (error)
+		error->received = port->lists.command;
+	return sserial_recover(port, where, error);
+}
+
+/* The first look is a whole list, so that a well-timed one is the only one; the others read COMMAND. */
+static int look_until_done(struct hm2_sserial *port, int looked, int64_t *seen_ns, hm2_error *error)
+{
+	struct sserial_lists *lists = &port->lists;
+	int status = HM2_OK;
+	*seen_ns = hm2_board_now_ns(port->board);
+	if (!looked)
+		status = read_results(port, error);
+	if (status != HM2_OK || lists->command == 0)
+		return status;
+	do {
+		const int expired = *seen_ns >= port->busy_until_ns;
+		if (expired)
+			return hung(port, "sserial doit", error);
+		hm2_board_pause_ns(port->board, RETRY_NS);
+		*seen_ns = hm2_board_now_ns(port->board);
+		status = hm2_exchange(port->board, lists->transfers, 1, error);
+		if (status != HM2_OK)
+			return status;
+	} while (lists->command != 0);
+	return read_results(port, error);
+}
+
+/* Outputs and DOIT were written at doit_ns; the first look at the results may have been taken already. */
+static int wait_for_doit(struct hm2_sserial *port, int looked, hm2_error *error)
+{
+	int64_t seen_ns = port->doit_ns;
+	if (!looked && port->expected_ns > 0)
+		hm2_board_pause_ns(port->board, port->expected_ns);
+	const int at_first = looked && port->lists.command == 0;
+	const int64_t due_ns = port->doit_ns + port->expected_ns + RETRY_NS;
+	const int status = look_until_done(port, looked, &seen_ns, error);
+	if (status != HM2_OK)
+		return status;
+	port->busy = 0;
+	const int failed = take_results(port);
+	learn(port, at_first ? 0 : seen_ns - port->doit_ns, at_first || seen_ns < due_ns, (uint32_t)failed);
+	return failed;
+}
+
+static void prepare_doit(struct hm2_sserial *port)
+{
+	gather_outputs(port);
+	sserial_written(port, LIMIT_DOIT_NS);
+	port->doit_ns = port->busy_until_ns - LIMIT_DOIT_NS;
+}
+
+static int write_doit(struct hm2_sserial *port, int with_results, hm2_error *error)
+{
+	struct sserial_lists *lists = &port->lists;
+	prepare_doit(port);
+	return hm2_exchange(port->board, &lists->transfers[lists->reads],
+	                    lists->writes + (with_results ? lists->reads : 0), error);
+}
+
+static int check_running(struct hm2_sserial *port, uint32_t mask, const char *where, hm2_error *error)
+{
+	if (mask > 0xFFu)
+		return sserial_fail(error, HM2_ERR_RANGE, where, 0, -1);
+	if (port->started && port->mode != HM2_SSERIAL_NORMAL)
+		return sserial_fail(error, HM2_ERR_BUSY, where, HM2_SSERIAL_MODE_CONFLICT, -1);
+	return HM2_OK;
+}
+
+int hm2_sserial_doit(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
+{
+	const uint32_t running = mask & port->started;
+	int status = check_running(port, mask, "sserial doit", error);
+	if (status == HM2_OK && port->busy)
+		status = sserial_settle(port, "sserial doit", error);
+	if (status != HM2_OK)
+		return status;
+	if (!(running & port->started))
+		return (int)mask; /* nothing to send */
+	compile(port, running);
+	/* where no time passes on the wire the results are there at once */
+	const int at_once = port->expected_ns <= 0;
+	status = write_doit(port, at_once, error);
+	if (status != HM2_OK)
+		return status;
+	status = wait_for_doit(port, at_once, error);
+	return status < 0 ? status : (int)((uint32_t)status | (mask & ~running));
+}
+
+int sserial_collect(struct hm2_sserial *port, hm2_error *error)
+{
+	compile(port, port->flying);
+	port->flying = 0;
+	const int status = read_results(port, error);
+	if (status == HM2_OK)
+		(void)take_results(port);
+	return status;
+}
+
+static int finish_flight(struct hm2_sserial *port, int late, hm2_error *error)
+{
+	if (port->lists.command == 0) {
+		port->flying = 0;
+		return take_results(port);
+	}
+	if (late)
+		return hung(port, "sserial cycle", error);
+	port->counters.too_soon++;
+	return sserial_fail(error, HM2_ERR_BUSY, "sserial cycle", HM2_SSERIAL_TOO_SOON, -1);
+}
+
+/* One exchange when the last DOIT must be over by now, else a look before the write: a DOIT is never
+ * written over one that is still at work. */
+static int step(struct hm2_sserial *port, uint32_t running, hm2_error *error)
+{
+	struct sserial_lists *lists = &port->lists;
+	const int64_t now_ns = hm2_board_now_ns(port->board);
+	const int one_exchange = lists->mask == running && now_ns - port->doit_ns >= LIMIT_DOIT_NS / MARGIN;
+	const int late = one_exchange || now_ns >= port->busy_until_ns;
+	int failed = 0;
+	int status = HM2_OK;
+	if (one_exchange) {
+		prepare_doit(port);
+		status = hm2_exchange(port->board, lists->transfers, lists->reads + lists->writes, error);
+	} else {
+		status = read_results(port, error);
+	}
+	if (status != HM2_OK)
+		return status;
+	failed = finish_flight(port, late, error);
+	if (failed < 0 || one_exchange)
+		return failed;
+	if (running) {
+		compile(port, running);
+		status = write_doit(port, 0, error);
+	}
+	return status == HM2_OK ? failed : status;
+}
+
+int hm2_sserial_cycle(struct hm2_sserial *port, uint32_t mask, uint32_t *requested, hm2_error *error)
+{
+	const uint32_t running = mask & port->started;
+	const uint32_t flying = port->flying;
+	int failed = 0;
+	int status = check_running(port, mask, "sserial cycle", error);
+	if (status == HM2_OK && !flying && port->busy)
+		status = sserial_settle(port, "sserial cycle", error);
+	*requested = 0;
+	if (status != HM2_OK)
+		return status;
+	if (flying) {
+		compile(port, flying);
+		failed = step(port, running, error);
+		if (failed < 0)
+			return failed;
+		*requested = flying;
+	} else if (running) {
+		compile(port, running);
+		status = write_doit(port, 0, error);
+	}
+	if (status != HM2_OK)
+		return status;
+	port->flying = running;
+	return failed;
+}
+
+int hm2_sserial_ignored_write(struct hm2_sserial *port, hm2_error *error)
+{
+	return sserial_write(port, HM2_SSERIAL_COMMAND, 0, HM2_SSERIAL_COMMAND_IGNORE_MASK, error);
+}
