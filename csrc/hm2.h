@@ -812,6 +812,73 @@ void hm2_ethernet_server_set_fault(struct hm2_ethernet_server *server, int direc
                                    const hm2_ethernet_fault *fault);
 void hm2_ethernet_server_set_seed(struct hm2_ethernet_server *server, uint64_t seed);
 void hm2_ethernet_server_get_counters(struct hm2_ethernet_server *server, hm2_ethernet_server_counters *counters);
+/* ---- tables of contents in a remote's memory (discovery.c): pure, on foreign bytes --------- */
+
+#define HM2_TOC_ENTRIES 256 /* of one table, at most */
+#define HM2_TOC_STRING 48   /* bytes of a string with its NUL, at most */
+
+enum hm2_toc_table { HM2_PTOC = 0, HM2_GTOC = 1 };
+
+/* hm2_error.detail where `where` is "ptoc" or "gtoc"; index = entry, address = in the remote's memory */
+enum hm2_toc_detail {
+	HM2_TOC_POINTER = 1,     /* received = a pointer that cannot be */
+	HM2_TOC_TOO_LONG,        /* no end after HM2_TOC_ENTRIES */
+	HM2_TOC_LOOP,            /* the same pointer twice */
+	HM2_TOC_CROSSES_END,     /* a record runs over the end of the 64 KiB */
+	HM2_TOC_RECORD_TYPE,     /* neither process data nor mode descriptor */
+	HM2_TOC_BITS,            /* a width its type cannot have: expected = limit */
+	HM2_TOC_DIRECTION,
+	HM2_TOC_NOT_IN_PTOC,     /* non-volatile types */
+	HM2_TOC_PARAMETER_SIZE,  /* a parameter not of 8, 16, 32 or 64 bits */
+	HM2_TOC_STRING_END,      /* no NUL */
+	HM2_TOC_NOT_A_NUMBER,    /* limit */
+	HM2_TOC_INFINITE,        /* limit, of a type other than FLOAT */
+	HM2_TOC_LIMITS,          /* minimum above maximum */
+	HM2_TOC_INPUT_BITS,      /* more than the process data reply or the registers hold */
+	HM2_TOC_OUTPUT_BITS
+};
+
+/* What was put right, bits of hm2_toc_record.warnings. */
+enum hm2_toc_warning {
+	HM2_TOC_UNKNOWN_TYPE = 1, /* its size is known, so it is kept as padding */
+	HM2_TOC_UNPRINTABLE = 2,  /* characters replaced by underscores */
+	HM2_TOC_NO_NAME = 4
+};
+
+typedef struct hm2_toc_record {
+	uint32_t address;           /* of the record */
+	uint8_t record_type;        /* 0xA0 process data, 0xB0 mode */
+	uint8_t bits, data_type, direction;
+	float minimum, maximum;
+	uint16_t parameter_address;
+	uint8_t mode_index, mode_type;
+	uint8_t is_process_data;    /* GTOC: the element is in the PTOC, too */
+	uint32_t warnings;
+	char unit[48];
+	char name[48];
+} hm2_toc_record;
+
+/* Reads `size` bytes (1, 2, 4 or 8, never beyond the record) at an address below 0x10000. */
+typedef struct hm2_toc_memory {
+	void *self;
+	int (*fetch)(void *self, uint32_t address, uint32_t size, uint8_t *bytes, hm2_error *error);
+} hm2_toc_memory;
+
+/* The records of the table at `pointer`, in its order. ptoc: for a GTOC the records of the PTOC, else
+ * NULL. HM2_ERR_FORMAT for a broken table; a failing fetch ends with its status. */
+int hm2_toc_read(const hm2_toc_memory *memory, uint32_t pointer, int table, const hm2_toc_record *ptoc,
+                 size_t ptoc_count, hm2_toc_record *records, size_t capacity, size_t *count,
+                 hm2_error *error);
+/* The same from `length` bytes that lie at address `base` of the remote. */
+int hm2_toc_read_buffer(const uint8_t *bytes, size_t length, uint32_t base, uint32_t pointer, int table,
+                        const hm2_toc_record *ptoc, size_t ptoc_count, hm2_toc_record *records,
+                        size_t capacity, size_t *count, hm2_error *error);
+/* Whether the elements fit: receive_size and transmit_size are bytes of the process data exchange (with
+ * the fault byte; 0: not known), registers the interface data registers. Gives the sums. */
+int hm2_toc_check_sizes(const hm2_toc_record *ptoc, size_t count, uint32_t receive_size,
+                        uint32_t transmit_size, uint32_t registers, uint32_t *input_bits,
+                        uint32_t *output_bits, hm2_error *error);
+
 /* ---- SSERIAL (sserial.c, sserial_command.c, sserial_doit.c, sserial_remote.c) ------------- */
 
 #define HM2_SSERIAL_CHANNELS 8       /* of one instance, at most */
@@ -852,18 +919,18 @@ typedef struct hm2_sserial_identity {
 	uint32_t toc;  /* GTOC << 16 | PTOC; 0: the remote has no tables */
 } hm2_sserial_identity;
 
-/* Registers as last exchanged. Inputs of a failed transfer keep the last good values. */
+/* Registers as last exchanged, [channel][register]. Inputs of a failed transfer keep the last good values. */
 typedef struct hm2_sserial_image {
-	uint32_t cs[HM2_SSERIAL_CHANNELS];
-	uint32_t inputs[HM2_SSERIAL_CHANNELS][HM2_SSERIAL_DATA_REGISTERS];
-	uint32_t outputs[HM2_SSERIAL_CHANNELS][HM2_SSERIAL_DATA_REGISTERS]; /* the caller's to write */
+	uint32_t cs[8];
+	uint32_t inputs[8][7];
+	uint32_t outputs[8][7]; /* the caller's to write */
 } hm2_sserial_image;
 
 typedef struct hm2_sserial_counters {
 	uint64_t doits;      /* transfers completed */
 	uint64_t too_soon;   /* pipelined transfers not begun because the last one was at work */
 	uint64_t hung;       /* commands that never completed */
-	uint64_t failed[HM2_SSERIAL_CHANNELS]; /* transfers whose DATA bit was set */
+	uint64_t failed[8]; /* transfers whose DATA bit was set */
 	int64_t last_doit_ns; /* from the DOIT's write to the read that saw it complete, at most */
 } hm2_sserial_counters;
 
@@ -931,6 +998,10 @@ int hm2_sserial_read_remote(struct hm2_sserial *port, uint32_t channel, uint32_t
                             uint32_t size, uint64_t *value, hm2_error *error);
 int hm2_sserial_write_remote(struct hm2_sserial *port, uint32_t channel, uint32_t space, uint32_t address,
                              uint32_t size, uint64_t value, hm2_error *error);
+/* hm2_toc_read from the memory of a remote started in setup mode. */
+int hm2_sserial_read_toc(struct hm2_sserial *port, uint32_t channel, uint32_t pointer, int table,
+                         const hm2_toc_record *ptoc, size_t ptoc_count, hm2_toc_record *records,
+                         size_t capacity, size_t *count, hm2_error *error);
 /* One raw pass-through access: command 0x40..0x7F (address is sent where bit 2 says so) or local
  * 0xC0..0xFF. No repetition. Returns HM2_ERR_TIMEOUT when the DATA bit is set. */
 int hm2_sserial_access(struct hm2_sserial *port, uint32_t channel, uint32_t command, uint32_t address,

@@ -1,8 +1,6 @@
 /* Local variables of the firmware, and the memory of remotes through setup mode. */
 #include "sserial.h"
 
-#include <string.h>
-
 #define TRIES 3
 #define LAST_LOCAL_ADDRESS 0xFFFu
 #define LBP_ADDRESSED 0x04u /* header bit: a 16-bit address follows */
@@ -196,4 +194,29 @@ int hm2_sserial_write_remote(struct hm2_sserial *port, uint32_t channel, uint32_
 		return status;
 	return access_in_space(port, channel, space, HM2_LBP_COMMAND_WRITE_BYTE | (uint32_t)size_code(size), address,
 	                       &value, error);
+}
+
+struct remote_memory {
+	struct hm2_sserial *port;
+	uint32_t channel;
+};
+
+static int fetch_remote(void *self, uint32_t address, uint32_t size, uint8_t *bytes, hm2_error *error)
+{
+	const struct remote_memory *memory = self;
+	uint64_t value = 0;
+	const int status = hm2_sserial_read_remote(memory->port, memory->channel, HM2_LBP_SPACE_RAM, address, size,
+	                                           &value, error);
+	for (uint32_t i = 0; i < size; i++)
+		bytes[i] = (uint8_t)(value >> 8 * i);
+	return status;
+}
+
+int hm2_sserial_read_toc(struct hm2_sserial *port, uint32_t channel, uint32_t pointer, int table,
+                         const hm2_toc_record *ptoc, size_t ptoc_count, hm2_toc_record *records,
+                         size_t capacity, size_t *count, hm2_error *error)
+{
+	struct remote_memory self = {port, channel};
+	const hm2_toc_memory memory = {&self, fetch_remote};
+	return hm2_toc_read(&memory, pointer, table, ptoc, ptoc_count, records, capacity, count, error);
 }
