@@ -921,6 +921,7 @@ typedef struct hm2_sserial_identity {
 
 /* Registers as last exchanged, [channel][register]. Inputs of a failed transfer keep the last good values. */
 typedef struct hm2_sserial_image {
+	uint32_t events; /* waiting for hm2_sserial_take_events */
 	uint32_t cs[8];
 	uint32_t inputs[8][7];
 	uint32_t outputs[8][7]; /* the caller's to write */
@@ -934,12 +935,24 @@ typedef struct hm2_sserial_counters {
 	int64_t last_doit_ns; /* from the DOIT's write to the read that saw it complete, at most */
 } hm2_sserial_counters;
 
+/* Faults by edges, for one channel. */
+typedef struct hm2_fault_watch {
+	uint32_t faults; /* fault bits of CS in the transfer before */
+	uint32_t word;
+	int32_t failed;
+	uint32_t rising; /* results of the last step */
+	uint32_t word_rising;
+} hm2_fault_watch;
+
+/* One transfer's CS, watched fault word and DATA bit. Returns 1 when something is new. */
+int hm2_fault_watch_step(hm2_fault_watch *watch, uint32_t cs, uint32_t word, int failed);
+
 /* A fault that was not there in the transfer before. Sticky bits rise once per stop, live ones each time. */
 typedef struct hm2_sserial_event {
 	uint64_t transfer;    /* number of the DOIT, as in counters.doits; 0: the start itself */
 	int64_t time_ns;      /* on the bus's clock */
 	int32_t channel;
-	int32_t failed;       /* this DOIT's DATA bit, where the one before was good */
+	int32_t failed;       /* this DOIT's DATA bit */
 	uint32_t cs;
 	uint32_t rising;      /* fault and status bits of CS that have appeared */
 	uint32_t word;        /* the watched input word (hm2_sserial_watch) */
@@ -970,6 +983,8 @@ int hm2_sserial_set_bits(struct hm2_sserial *port, uint32_t channel, uint32_t in
 /* Bits of an input register that report faults of the remote (8I20: its FAULT word); mask 0: none. */
 void hm2_sserial_watch(struct hm2_sserial *port, uint32_t channel, uint32_t input_register, uint32_t mask);
 hm2_sserial_image *hm2_sserial_get_image(struct hm2_sserial *port);
+/* Process data on the image's words: packed before each transfer, unpacked after it. Not owned; NULL: none. */
+void hm2_sserial_set_process_data(struct hm2_sserial *port, struct hm2_process_data *process_data);
 
 /* Writes outputs, DOIT, waits, reads results and inputs. Returns the mask of failed channels (named but
  * not started ones included), or a status. */
@@ -984,7 +999,6 @@ void hm2_sserial_get_counters(const struct hm2_sserial *port, hm2_sserial_counte
 /* Oldest first; *lost counts those that found no room since the last call. Returns how many were taken. */
 size_t hm2_sserial_take_events(struct hm2_sserial *port, hm2_sserial_event *events, size_t capacity,
                                uint64_t *lost);
-uint32_t hm2_sserial_pending_events(const struct hm2_sserial *port);
 
 /* Local variables of the firmware, 12-bit byte addresses, little endian. */
 int hm2_sserial_read_local(struct hm2_sserial *port, uint32_t address, uint8_t *bytes, size_t count,

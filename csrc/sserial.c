@@ -96,8 +96,8 @@ static void send_zeroes(struct hm2_sserial *port, uint32_t mask)
 		if (mask & 1u << channel)
 			memset(port->image.outputs[channel], 0, sizeof port->image.outputs[channel]);
 	}
-	if (running && sserial_settle(port, "sserial stop", NULL) == HM2_OK)
-		(void)hm2_sserial_doit(port, running, NULL);
+	if (running)
+		(void)sserial_transfer(port, running, "sserial stop", NULL);
 }
 
 int hm2_sserial_stop(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
@@ -233,7 +233,6 @@ int hm2_sserial_start(struct hm2_sserial *port, uint32_t mask, int mode, hm2_err
 	port->started |= fresh & ~failed;
 	sserial_watch_start(port, fresh & ~failed);
 	port->mode = port->started ? mode : HM2_SSERIAL_STOPPED;
-	port->failed &= ~fresh;
 	return (int)failed;
 }
 
@@ -256,6 +255,11 @@ int hm2_sserial_mode(const struct hm2_sserial *port)
 void hm2_sserial_get_identity(const struct hm2_sserial *port, uint32_t channel, hm2_sserial_identity *identity)
 {
 	*identity = channel < CHANNELS ? port->channels[channel].identity : (hm2_sserial_identity){0, 0, 0, 0};
+}
+
+void hm2_sserial_set_process_data(struct hm2_sserial *port, struct hm2_process_data *process_data)
+{
+	port->process_data = process_data;
 }
 
 hm2_sserial_image *hm2_sserial_get_image(struct hm2_sserial *port)

@@ -56,7 +56,7 @@ struct sserial_channel {
 	uint32_t software_mode;
 	uint32_t input_registers, output_registers; /* that carry process bits */
 	uint32_t watch_register, watch_mask;
-	uint32_t last_faults, last_word; /* of the transfer before, for edges */
+	hm2_fault_watch watch;
 	uint32_t space; /* memory space the remote was left in */
 	hm2_sserial_identity identity;
 };
@@ -73,13 +73,13 @@ struct hm2_sserial {
 	uint32_t flying;     /* channels of a pipelined DOIT whose result has not been read */
 	int64_t doit_ns;     /* when the last DOIT was written */
 	int64_t expected_ns; /* what a good DOIT has been taking */
-	uint32_t failed;     /* of the last transfer */
 	struct sserial_channel channels[CHANNELS];
 	struct sserial_lists lists;
+	struct hm2_process_data *process_data;
 	hm2_sserial_image image;
 	hm2_sserial_counters counters;
 	hm2_sserial_event events[HM2_SSERIAL_EVENTS];
-	uint32_t first_event, event_count;
+	uint32_t first_event;
 	uint64_t lost_events;
 };
 
@@ -101,7 +101,9 @@ int sserial_unjam(struct hm2_sserial *port, hm2_error *error);
 void sserial_forget(struct hm2_sserial *port, uint32_t mask);
 int sserial_fail(hm2_error *error, int status, const char *where, int detail, int channel);
 
-/* sserial_doit.c: reads the result of a pipelined DOIT that has completed */
+/* sserial_doit.c: a transfer of the image as it is */
+int sserial_transfer(struct hm2_sserial *port, uint32_t mask, const char *where, hm2_error *error);
+/* Reads the result of a pipelined DOIT that has completed. */
 int sserial_collect(struct hm2_sserial *port, hm2_error *error);
 
 /* sserial_events.c: faults by edges */

@@ -107,14 +107,12 @@ void sserial_forget(struct hm2_sserial *port, uint32_t mask)
 {
 	port->started &= ~mask;
 	port->used &= ~mask;
-	port->failed &= ~mask;
 	port->flying &= ~mask;
 	for (uint32_t channel = 0; channel < CHANNELS; channel++) {
 		if (!(mask & 1u << channel))
 			continue;
 		memset(port->image.outputs[channel], 0, sizeof port->image.outputs[channel]);
-		port->channels[channel].last_faults = 0;
-		port->channels[channel].last_word = 0;
+		port->channels[channel].watch = (hm2_fault_watch){0, 0, 0, 0, 0};
 		port->channels[channel].space = 0;
 	}
 	if (!port->started)

@@ -195,15 +195,13 @@ static int check_running(struct hm2_sserial *port, uint32_t mask, const char *wh
 	return HM2_OK;
 }
 
-int hm2_sserial_doit(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
+int sserial_transfer(struct hm2_sserial *port, uint32_t mask, const char *where, hm2_error *error)
 {
+	int status = port->busy ? sserial_settle(port, where, error) : HM2_OK;
 	const uint32_t running = mask & port->started;
-	int status = check_running(port, mask, "sserial doit", error);
-	if (status == HM2_OK && port->busy)
-		status = sserial_settle(port, "sserial doit", error);
 	if (status != HM2_OK)
 		return status;
-	if (!(running & port->started))
+	if (!running)
 		return (int)mask; /* nothing to send */
 	compile(port, running);
 	/* where no time passes on the wire the results are there at once */
@@ -213,6 +211,20 @@ int hm2_sserial_doit(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
 		return status;
 	status = wait_for_doit(port, at_once, error);
 	return status < 0 ? status : (int)((uint32_t)status | (mask & ~running));
+}
+
+int hm2_sserial_doit(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
+{
+	static const char where[] = "sserial doit";
+	int status = check_running(port, mask, where, error);
+	if (status != HM2_OK)
+		return status;
+	if (port->process_data)
+		hm2_process_data_pack(port->process_data);
+	status = sserial_transfer(port, mask, where, error);
+	if (port->process_data && status >= 0)
+		hm2_process_data_unpack(port->process_data);
+	return status;
 }
 
 int sserial_collect(struct hm2_sserial *port, hm2_error *error)
@@ -276,6 +288,8 @@ int hm2_sserial_cycle(struct hm2_sserial *port, uint32_t mask, uint32_t *request
 	*requested = 0;
 	if (status != HM2_OK)
 		return status;
+	if (port->process_data)
+		hm2_process_data_pack(port->process_data);
 	if (flying) {
 		compile(port, flying);
 		failed = step(port, running, error);
@@ -289,6 +303,8 @@ int hm2_sserial_cycle(struct hm2_sserial *port, uint32_t mask, uint32_t *request
 	if (status != HM2_OK)
 		return status;
 	port->flying = running;
+	if (port->process_data)
+		hm2_process_data_unpack(port->process_data);
 	return failed;
 }
 
