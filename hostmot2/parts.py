@@ -13,6 +13,7 @@ PARTS: dict[str, tuple[str, str]] = {
     "gpio": ("hostmot2.modules.ioport", "Gpio"),
     "watchdog": ("hostmot2.modules.watchdog", "Watchdog"),
     "leds": ("hostmot2.modules.led", "Leds"),
+    "sserial": ("hostmot2.sserial", "SserialPorts"),
     "encoders": ("hostmot2.modules.encoder", "Encoders"),
     "stepgens": ("hostmot2.modules.stepgen", "Stepgens"),
     "pwmgens": ("hostmot2.modules.pwmgen", "Pwmgens"),

@@ -71,11 +71,12 @@ PARAMETERS_8I20 = (
 )
 
 
-def describe_8i20(unit_number: int, max_current: float) -> RemoteDescription:
+def describe_8i20(unit_number: int, max_current: float, software_mode: int = 0) -> RemoteDescription:
     """An 8I20. max_current: its working full scale in A, which is what `current` is scaled by."""
     return RemoteDescription(
         name="8I20",
         unit_number=unit_number,
+        software_mode=software_mode,
         fields=(
             Field("angle", _UNSIGNED, 16, _OUT, 0.0, 1.0, "rev"),
             Field("current", FieldKind.SIGNED, 16, _OUT, -max_current, max_current, "A"),
@@ -93,11 +94,12 @@ def describe_8i20(unit_number: int, max_current: float) -> RemoteDescription:
     )
 
 
-def describe_7i64(unit_number: int) -> RemoteDescription:
+def describe_7i64(unit_number: int, software_mode: int = 0) -> RemoteDescription:
     """A 7I64: 24 outputs, 24 inputs, two analog inputs of 3.3 V full scale."""
     return RemoteDescription(
         name="7I64",
         unit_number=unit_number,
+        software_mode=software_mode,
         fields=(
             Field("output", FieldKind.BITS, 24, _OUT),
             Field("input", FieldKind.BITS, 24, _IN),

@@ -61,6 +61,18 @@ class ChannelCounters:
 
 def read_counters(read_local: Callable[[int, int], bytes], channel: int, block: int) -> ChannelCounters:
     """The counters of a channel. read_local(address, count) gives bytes; block: address of its block."""
-    errors = read_local(block + _FIRST, _COUNTERS)
+    crc, cookie, overruns, timeouts, extra, breaks, faults = read_local(block + _FIRST, _COUNTERS)
     receive_size, transmit_size, ticks = read_local(block + SslbpChannel.receive_size.number, 3)
-    return ChannelCounters(channel, *errors, receive_size, transmit_size, ticks * _TICK_US)
+    return ChannelCounters(
+        channel,
+        crc,
+        cookie,
+        overruns,
+        timeouts,
+        extra,
+        breaks,
+        faults,
+        receive_size,
+        transmit_size,
+        ticks * _TICK_US,
+    )

@@ -146,11 +146,11 @@ def _read_one(
     if status == lib.HM2_ERR_FORMAT:
         return records, count[0], broken_table(channel, error)
     if status != lib.HM2_OK:
-        raise _ReadFailed(status, error)
+        raise ReadFailed(status, error)
     return records, count[0], None
 
 
-class _ReadFailed(Exception):
+class ReadFailed(Exception):
     """A read of remote memory failed; the caller knows what its status means."""
 
     def __init__(self, status: int, error: Any) -> None:
@@ -163,17 +163,13 @@ def _read_both(read_table: ReadTable, channel: int, toc: int) -> _Tables:
     ptoc, ptoc_count, broken = _read_one(read_table, channel, toc & 0xFFFF, lib.HM2_PTOC, ffi.NULL, 0)
     if broken is not None:
         raise broken
-    gtoc, gtoc_count, gtoc_error = _read_one(
-        read_table, channel, toc >> 16, lib.HM2_GTOC, ptoc, ptoc_count
-    )
+    gtoc, gtoc_count, gtoc_error = _read_one(read_table, channel, toc >> 16, lib.HM2_GTOC, ptoc, ptoc_count)
     return _Tables(ptoc, ptoc_count, [gtoc[i] for i in range(gtoc_count)], gtoc_error)
 
 
 def _check_sizes(tables: _Tables, channel: int, sizes: tuple[int, int], registers: int) -> None:
     bits, error = ffi.new("uint32_t[2]"), new_error()
-    status = lib.hm2_toc_check_sizes(
-        tables.ptoc, tables.ptoc_count, *sizes, registers, bits, bits + 1, error
-    )
+    status = lib.hm2_toc_check_sizes(tables.ptoc, tables.ptoc_count, *sizes, registers, bits, bits + 1, error)
     if status != lib.HM2_OK:
         raise broken_table(channel, error)
 

@@ -14,7 +14,7 @@ class CommandHung(SserialError, TimeoutError):
     detail: what ended it, one of HM2_SSERIAL_UNJAMMED, _RESET, _DEAD. received: the hung command.
     """
 
-    code = "HM2-E020"
+    code = "HM2-E030"
     fix = "Start the channels again; a remote that stays busy during its start causes this, too."
 
     detail = 0
@@ -138,7 +138,8 @@ def raise_for(status: int, error: Any, port: int) -> NoReturn:
     if where.startswith("sserial"):
         if detail in _RECOVERED and status == lib.HM2_ERR_TIMEOUT:
             hung = CommandHung(
-                f"{at}: command 0x{error.received:04X} ({where}) never completed; {_RECOVERED[detail]}", **facts
+                f"{at}: command 0x{error.received:04X} ({where}) never completed; {_RECOVERED[detail]}",
+                **facts,
             )
             hung.detail = detail
             raise hung
