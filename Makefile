@@ -11,6 +11,7 @@ all: $(EXT)
 $(VENV)/ready: pyproject.toml tools/venv
 	@tools/venv $(VENV) test
 	@touch $@
+	@touch -c $(EXT) # just built
 
 # what make check, docs and bench need on top
 $(VENV)/ready-dev: $(VENV)/ready

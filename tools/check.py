@@ -130,7 +130,7 @@ def tests_slow() -> str:
 def fuzz() -> str:
     """Every libFuzzer target of tests/c/fuzz, briefly."""
     clang()
-    output = run("make", "-j2", "-f", "tests/c/Makefile", "fuzz", f"SECONDS_EACH={FUZZ_SECONDS}")
+    output = run("make", "--no-print-directory", "-j2", "-f", "tests/c/Makefile", "fuzz", f"SECONDS_EACH={FUZZ_SECONDS}")
     return f"{FUZZ_SECONDS} s each: " + ", ".join(line.removeprefix("fuzz ") for line in output.splitlines())
 
 
