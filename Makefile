@@ -33,7 +33,7 @@ check: $(EXT) $(VENV)/ready-dev
 	@$(PY) tools/check.py
 
 bench: $(EXT) $(VENV)/ready-dev
-	@$(PY) -m bench
+	@$(PY) -m hostmot2.bench
 
 docs: $(EXT) $(VENV)/ready-dev
 	@$(PY) registers/generate.py --check

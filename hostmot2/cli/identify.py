@@ -1,0 +1,92 @@
+"""hm2 info, modules, pins: the IDROM in words."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import click
+
+from hostmot2.board import Board
+from hostmot2.cli.session import Session, reports, rows
+from hostmot2.idrom import ModuleDescriptor, PinDescriptor
+
+
+@click.command()
+@reports
+def info(session: Session) -> None:
+    """What the card is: names, clocks, ports."""
+    with session.board() as board:
+        idrom = board.idrom
+        lines = [
+            ("board", f"{board.name} ({idrom.board_name})"),
+            ("at", board.url),
+            ("firmware", f"{idrom.config_name}, IDROM type {idrom.type} at 0x{idrom.address:04X}"),
+            ("FPGA", f"{idrom.fpga_size} kgates, {idrom.fpga_pins} pins"),
+            ("I/O", f"{idrom.io_width} pins: {idrom.io_ports} ports of {idrom.port_width}"),
+            ("clocks", f"ClockLow {idrom.clock_low / 1e6:g} MHz, ClockHigh {idrom.clock_high / 1e6:g} MHz"),
+            ("modules", ", ".join(f"{_count(module)}{module.name}" for module in board.modules)),
+        ]
+        session.report(_info(board), rows((), lines))
+
+
+def _count(module: ModuleDescriptor) -> str:
+    return f"{module.instances} " if module.instances > 1 else ""
+
+
+def _info(board: Board) -> dict[str, Any]:
+    return {
+        "url": board.url,
+        "name": board.name,
+        "idrom": asdict(board.idrom),
+        "modules": {module.name: module.instances for module in board.modules},
+        "pins": len(board.pins),
+    }
+
+
+@click.command()
+@reports
+def modules(session: Session) -> None:
+    """What the loaded firmware contains."""
+    header = ("module", "gtag", "version", "instances", "base", "registers", "clock")
+    with session.board() as board:
+        lines = [
+            (
+                module.name,
+                f"0x{module.gtag:02X}",
+                module.version if module.version < 10 else f"0x{module.version:02X}",
+                module.instances,
+                f"0x{module.base:04X}",
+                module.num_registers,
+                f"{module.clock / 1e6:g} MHz",
+            )
+            for module in board.modules
+        ]
+        document = [{"name": module.name} | asdict(module) for module in board.modules]
+        session.report(document, rows(header, lines))
+
+
+@click.command()
+@reports
+def pins(session: Session) -> None:
+    """Where every I/O pin is, and which module can have it."""
+    with session.board() as board:
+        lines = [(pin.index, _connector(pin), *_function(pin)) for pin in board.pins]
+        document = [
+            asdict(pin) | {"module": pin.module, "is_output": pin.is_output, "shared": pin.shared}
+            for pin in board.pins
+        ]
+        session.report(document, rows(("I/O", "connector", "module", "instance", "pin", "direction"), lines))
+
+
+def _connector(pin: PinDescriptor) -> str:
+    if not pin.connector:
+        return ""
+    return pin.connector if pin.connector_pin is None else f"{pin.connector}-{pin.connector_pin}"
+
+
+def _function(pin: PinDescriptor) -> tuple[object, ...]:
+    if not pin.secondary_gtag:
+        return "gpio", None, None, None
+    instance = "all" if pin.shared else pin.secondary_unit
+    return pin.module, instance, f"0x{pin.secondary_pin:02X}", "out" if pin.is_output else "in"

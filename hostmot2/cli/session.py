@@ -1,0 +1,107 @@
+"""What all commands share: which board, and how to report."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Concatenate, ParamSpec, TypeVar
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+import hostmot2
+from hostmot2.board import Board
+from hostmot2.default import BOARD_VARIABLE, EMULATED
+
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+@dataclass
+class Session:
+    """The options before the command."""
+
+    url: str | None = None
+    as_json: bool = False
+
+    @contextmanager
+    def board(self) -> Iterator[Board]:
+        """The board the user means, open; its outputs go off and it is closed at the end."""
+        with hostmot2.open(self.board_url()) as board:
+            yield board
+
+    def board_url(self) -> str:
+        """--board, else $HM2_BOARD, else the emulated card, which is said on stderr."""
+        url = self.url or os.environ.get(BOARD_VARIABLE)
+        if not url:
+            url = EMULATED
+            click.echo(f"hm2: no --board and no ${BOARD_VARIABLE}: using the emulated card {url}", err=True)
+        return url
+
+    def report(self, document: Any, *shown: Table | str) -> None:
+        """One JSON document with --json, else tables and lines."""
+        if self.as_json:
+            click.echo(json.dumps(document, indent=2, default=str))
+            return
+        console = _console()
+        for item in shown:
+            if isinstance(item, Table):
+                console.print(item)
+            else:
+                click.echo(item)
+
+
+def _console() -> Console:
+    # a pipe has no width: never cut or wrap what a script reads
+    width = None if sys.stdout.isatty() or "COLUMNS" in os.environ else 240
+    return Console(width=width, highlight=False)
+
+
+def rows(header: Sequence[str], lines: Sequence[Sequence[object]], title: str | None = None) -> Table:
+    """A table; cells become text, None an empty cell. Without a header: names and values."""
+    table = Table(*header, title=title, title_justify="left", box=None, pad_edge=False)
+    table.show_header = bool(header)
+    for line in lines:
+        table.add_row(*("" if cell is None else str(cell) for cell in line))
+    return table
+
+
+def _set_json(context: click.Context, _parameter: click.Parameter, value: bool) -> None:
+    if value:
+        context.ensure_object(Session).as_json = True
+
+
+def reports(command: Callable[Concatenate[Session, P], R]) -> Callable[P, R]:
+    """Gives a command --json after its name, too, and the session as its first argument."""
+    option = click.option(
+        "--json", is_flag=True, expose_value=False, callback=_set_json, help="Print one JSON document."
+    )
+    return option(click.make_pass_decorator(Session, ensure=True)(command))
+
+
+def number(maximum: int = 0xFFFFFFFF, multiple: int = 1) -> Callable[[str], int]:
+    """The type of an argument written as people write registers: 0x0100, 256, 0b1."""
+
+    def convert(text: str) -> int:
+        try:
+            value = int(text, 0)
+        except ValueError:
+            raise click.BadParameter(f"{text!r} is not a number such as 0x0100 or 256") from None
+        if not 0 <= value <= maximum:
+            raise click.BadParameter(f"{text} is outside 0..0x{maximum:X}")
+        if value % multiple:
+            raise click.BadParameter(f"{text} is not a multiple of {multiple}")
+        return value
+
+    convert.__name__ = "number"
+    return convert
+
+
+ADDRESS = number(0xFFFC, 4)
+WORD = number()
+MASK = number(0xFF)

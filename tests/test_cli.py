@@ -1,0 +1,133 @@
+"""The command line as scripts see it: output, --json and exit codes of interface.md."""
+
+import json
+
+import pytest
+
+from hostmot2.cli import main
+
+
+@pytest.fixture(autouse=True)
+def no_board_variable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("HM2_BOARD", raising=False)
+    monkeypatch.delenv("HM2_DEBUG", raising=False)
+
+
+@pytest.fixture
+def hm2(capfd: pytest.CaptureFixture[str]):
+    def run(*arguments: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as end:
+            main(list(arguments))
+        out, err = capfd.readouterr()
+        return int(end.value.code or 0), out, err
+
+    return run
+
+
+EMULATED = ("--board", "emu://5i25+7i77?clock=virtual")
+
+
+def test_without_a_board_the_emulated_card_is_used_and_said_so_on_stderr(hm2) -> None:
+    status, out, err = hm2("info")
+    assert status == 0
+    assert "MESA5I25" in out
+    assert "emu://5i25+7i77" in err
+
+
+def test_the_environment_names_the_board(hm2, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HM2_BOARD", "emu://5i25+7i77x2")
+    status, out, err = hm2("info", "--json")
+    assert (status, err) == (0, "")
+    assert json.loads(out)["modules"]["muxed_encoder"] == 12
+
+
+@pytest.mark.parametrize("arguments", [("--json", "info"), ("info", "--json")])
+def test_json_is_one_document_on_stdout(hm2, arguments: tuple[str, ...]) -> None:
+    status, out, _ = hm2(*EMULATED, *arguments)
+    assert status == 0
+    assert json.loads(out)["idrom"]["clock_low"] == 33333333
+
+
+def test_modules_and_pins_are_those_of_the_idrom(hm2) -> None:
+    """registers.md 3.2: 6 modules, 34 pins, I/O 7 is the multiplexer's select."""
+    modules = json.loads(hm2(*EMULATED, "--json", "modules")[1])
+    assert [module["name"] for module in modules][:3] == ["watchdog", "ioport", "muxed_encoder"]
+    pins = json.loads(hm2(*EMULATED, "--json", "pins")[1])
+    assert len(pins) == 34
+    assert (pins[7]["module"], pins[7]["connector"], pins[7]["connector_pin"]) == (
+        "muxed_encoder_select",
+        "P3",
+        17,
+    )
+    assert "P3-17" in hm2(*EMULATED, "pins")[1]
+
+
+def test_peek_shows_words_with_their_names(hm2) -> None:
+    status, out, _ = hm2(*EMULATED, "peek", "0x100", "2")
+    assert status == 0
+    assert "0x55AACAFE" in out
+    assert "id.config_name_low" in out
+    document = json.loads(hm2(*EMULATED, "--json", "peek", "0xD00")[1])
+    assert document == [
+        {"address": 0xD00, "word": 1, "register": "watchdog.status", "fields": {"has_bitten": 1}}
+    ]
+
+
+def test_peek_says_when_a_register_cannot_be_read(hm2) -> None:
+    assert "write-only" in hm2(*EMULATED, "peek", "0x200")[2]
+
+
+def test_poke_writes_only_when_told_yes(hm2, tmp_path) -> None:
+    card = tmp_path / "card"
+    image = bytearray(0x10000)
+    from hostmot2.emulator import EmulatedBoard
+
+    board = EmulatedBoard("5i25+7i77", clock="virtual")
+    for address in range(0x100, 0x800, 4):
+        image[address : address + 4] = board.read(address).to_bytes(4, "little")
+    card.write_bytes(image)
+    url = f"pci://{card}"
+    status, _, err = hm2("--board", url, "poke", "0x1104", "0x155")
+    assert (status, card.read_bytes()) == (2, bytes(image))
+    assert "ioport[1].ddr" in err
+    status, out, _ = hm2("--board", url, "poke", "0x1104", "0x155", "--yes")
+    assert status == 0
+    assert "wrote 0x00000155 to 0x1104" in out
+    assert card.read_bytes()[0x1104:0x1108] == b"\x55\x01\0\0"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status"),
+    [
+        (("no-such-command",), 2),
+        (("peek", "0x101"), 2),
+        (("peek", "banana"), 2),
+        (("peek", "0xFFFC", "2"), 2),
+        (("--board", "nonsense://x", "info"), 2),
+        (("--board", "pci:///no/such/file", "info"), 3),
+    ],
+)
+def test_exit_codes_tell_what_went_wrong(hm2, arguments: tuple[str, ...], status: int) -> None:
+    assert hm2(*arguments)[0] == status
+
+
+def test_an_error_with_json_is_a_document_too(hm2) -> None:
+    status, out, err = hm2("--json", "--board", "pci:///no/such/file", "info")
+    error = json.loads(out)["error"]
+    assert (status, error["exit_code"], error["type"]) == (3, 3, "CardNotFound")
+    assert error["message"] in err
+
+
+def test_a_file_that_is_no_card_is_a_device_fault(hm2, tmp_path) -> None:
+    (tmp_path / "zeros").write_bytes(bytes(0x10000))
+    status, _, err = hm2("--board", f"pci://{tmp_path / 'zeros'}", "info")
+    assert status == 6
+    assert "cookie" in err
+
+
+def test_the_table_of_commands_can_all_be_imported(hm2) -> None:
+    from hostmot2.cli.main import COMMANDS
+
+    status, out, _ = hm2("--help")
+    assert status == 0
+    assert all(name in out for name in COMMANDS)
