@@ -17,7 +17,7 @@ PERIOD_NS = 1_000_000
 
 
 class Chip:
-    """The accumulator as the register sheet (2.7) tells it: acc48 += sext(rate) per clock, top 32 readable."""
+    """The accumulator as the register sheet (2.7) tells it: acc48 += sext(rate) per clock."""
 
     def __init__(self, start: int = 0) -> None:
         self.acc = start << 16

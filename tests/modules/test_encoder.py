@@ -1,0 +1,158 @@
+"""The driver's encoders on the emulated 7I77 multiplexer."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+
+import pytest
+
+import hostmot2
+from hostmot2 import errors
+from hostmot2.board import Board
+from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.idrom import HostMot2Warning
+
+
+@pytest.fixture
+def emulated() -> EmulatedBoard:
+    return EmulatedBoard("5i25+7i77", clock="virtual")
+
+
+@pytest.fixture
+def board(emulated: EmulatedBoard) -> Iterator[Board]:
+    with hostmot2.open(emulated) as board:
+        yield board
+
+
+def cycles(board: Board, emulated: EmulatedBoard, milliseconds: int) -> None:
+    for _ in range(milliseconds):
+        emulated.advance(1000.0)
+        board.cycle.run()
+
+
+def test_each_encoder_counts_its_own_lines_of_the_multiplexer(board: Board, emulated: EmulatedBoard) -> None:
+    assert len(board.encoders) == 6
+    for encoder in board.encoders:
+        encoder.filter = False
+    cycles(board, emulated, 2)
+    start = [encoder.count for encoder in board.encoders]
+    for number in range(6):
+        emulated.encoder_input(number).run(edge_period_ns=2000.0, counts=(-1) ** number * (number + 1) * 100)
+    cycles(board, emulated, 5)
+    moved = [encoder.count - old for encoder, old in zip(board.encoders, start, strict=True)]
+    assert moved == [100, -200, 300, -400, 500, -600]
+
+
+def test_without_the_drivers_select_pin_both_of_a_pair_follow_the_odd_one(emulated: EmulatedBoard) -> None:
+    with hostmot2.open(emulated) as board:
+        emulated.encoder_input(1).run(edge_period_ns=10_000.0, counts=40)
+        emulated.advance(1000.0)
+        assert [word & 0xFFFF for word in board.read(0x3500, 2)] == [40, 40]
+
+
+def test_counts_pass_the_sixteen_bits_of_the_register(board: Board, emulated: EmulatedBoard) -> None:
+    encoder = board.encoders[2]
+    cycles(board, emulated, 2)
+    start = encoder.count
+    emulated.encoder_input(2).run(edge_period_ns=1000.0, counts=200_000)
+    cycles(board, emulated, 205)
+    assert encoder.count - start == 200_000
+
+
+@pytest.mark.parametrize("rate", [-0.5, 12.0, 1234.5, 100_000.0, 900_000.0])
+def test_velocity_in_units_per_second(board: Board, emulated: EmulatedBoard, rate: float) -> None:
+    encoder = board.encoders[5]
+    encoder.scale = 1000.0
+    encoder.velocity_timeout = 5.0
+    emulated.encoder_input(5).set_rate(rate)
+    cycles(board, emulated, 50 if abs(rate) > 100 else int(3200 / abs(rate)) + 100)
+    assert encoder.velocity * 1000.0 == pytest.approx(rate, rel=0.005)
+    assert not encoder.quad_error
+
+
+def test_index_latches_where_it_is_and_makes_it_zero(board: Board, emulated: EmulatedBoard) -> None:
+    encoder, wheel = board.encoders[0], emulated.encoder_input(0)
+    encoder.index_active_high = True
+    wheel.set(0, 0, 0)
+    wheel.index_every(counts=400, width=4)
+    wheel.position = 100
+    cycles(board, emulated, 5)
+    encoder.latch_index()
+    cycles(board, emulated, 3)
+    assert encoder.latching, "the index has not come yet"
+    wheel.run(edge_period_ns=10_000.0, counts=450)
+    cycles(board, emulated, 10)
+    assert not encoder.latching
+    assert encoder.events == 1
+    assert encoder.count == pytest.approx(550 - 400, abs=1)
+
+
+def test_open_inputs_are_no_quadrature_error(board: Board, emulated: EmulatedBoard) -> None:
+    cycles(board, emulated, 5)
+    assert not any(encoder.quad_error for encoder in board.encoders)
+
+
+def test_a_and_b_together_are_one_and_it_stays_until_cleared(board: Board, emulated: EmulatedBoard) -> None:
+    encoder, wheel = board.encoders[3], emulated.encoder_input(3)
+    wheel.set(0, 0, 0)
+    cycles(board, emulated, 5)
+    encoder.clear_quad_error()
+    wheel.set(1, 1, 0)
+    cycles(board, emulated, 2)
+    assert encoder.quad_error
+    encoder.clear_quad_error()
+    cycles(board, emulated, 3)
+    assert not encoder.quad_error
+
+
+def test_the_count_rate_limit_is_the_sheets(board: Board) -> None:
+    encoder = board.encoders[0]
+    assert encoder.max_count_rate == pytest.approx(1.0417e6, rel=1e-3)
+    encoder.filter = False
+    assert encoder.max_count_rate == pytest.approx(4.1667e6, rel=1e-3)
+    encoder.scale = 10_000.0
+    with pytest.warns(HostMot2Warning, match="lost in silence"):
+        assert not encoder.check_speed(500.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert encoder.check_speed(400.0)
+
+
+def test_looking_for_a_timer_selection_touches_no_neighbour_of_generation_a(emulated: EmulatedBoard) -> None:
+    """0x3500 + 0x500 is the resolver's command there; without DPLL nothing may be written."""
+    seen: list[int] = []
+    with hostmot2.open(emulated) as board:
+        write = board.write
+
+        def watched(address: int, words: object) -> None:
+            seen.append(address)
+            write(address, words)  # type: ignore[arg-type]
+
+        board.write = watched  # type: ignore[method-assign]
+        assert len(board.encoders) == 6
+        assert 0x3A00 not in seen
+        with pytest.raises(errors.UnsupportedFirmware):
+            board.encoders.modules[0].timer = 1
+
+
+def test_skew_is_refused_by_firmware_without_it(board: Board) -> None:
+    with pytest.raises(errors.UnsupportedFirmware, match="version 3"):
+        board.encoders.modules[0].skew = 100e-9
+
+
+def test_settings_reach_the_registers(board: Board, emulated: EmulatedBoard) -> None:
+    module = board.encoders.modules[0]
+    assert module.filter_rate == pytest.approx(33333333 / 4)
+    assert module.timestamp_rate == pytest.approx(33333333 / 16)
+    assert board.read(0x3700) & 0xFFFF == 14
+    encoder = board.encoders[4]
+    encoder.counter_mode = True
+    encoder.index_gate = "high"
+    encoder.index_mask = "low"
+    cycles(board, emulated, 3)
+    assert board.read(0x3610) & 0x7FF8 & ~0x3000 == 1 << 14 | 1 << 11 | 1 << 10 | 1 << 9 | 1 << 7
+    with pytest.raises(ValueError, match="filter rate"):
+        module.filter_rate = 1.0
+    with pytest.raises(ValueError, match="scale"):
+        encoder.scale = 0.0
