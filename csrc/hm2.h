@@ -336,6 +336,8 @@ enum hm2_remote_knob {
 	HM2_REMOTE_CRC_ERRORS,
 	HM2_REMOTE_SPACE,             /* memory space data commands mean, local register 0xCC */
 	HM2_REMOTE_LEDS,
+	HM2_REMOTE_ERASE_PS,          /* flash: how long an erase keeps it busy */
+	HM2_REMOTE_PROGRAM_PS,        /* flash: how long a write does */
 	HM2_REMOTE_KNOBS
 };
 
@@ -374,6 +376,9 @@ uint64_t hm2_remote_writes(const hm2_remote *remote, hm2_remote_write *writes, s
 void hm2_remote_clear_writes(hm2_remote *remote);
 /* An EEPROM of its own as memory space 1 (at most HM2_REMOTE_EEPROM_MAX bytes). */
 int hm2_remote_add_eeprom(hm2_remote *remote, size_t size);
+/* A flash, erased, behind the window of memory space 2. size: whole erase blocks, at most
+ * HM2_REMOTE_FLASH_MAX; a write block is at most 4096 bytes. peek and poke see the flash itself. */
+int hm2_remote_add_flash(hm2_remote *remote, size_t size, int log2_erase, int log2_write);
 /* At reset `size` bytes of EEPROM are copied to RAM: non-volatile to working parameter. */
 int hm2_remote_add_copy(hm2_remote *remote, uint16_t eeprom_address, uint16_t ram_address, uint16_t size);
 /* A software mode. With one or more of them every other mode is illegal (fault 0x40). */
@@ -384,6 +389,7 @@ int hm2_remote_add_mode(hm2_remote *remote, uint8_t mode, uint8_t receive_size, 
 int hm2_remote_add_element(hm2_remote *remote, uint8_t mode, uint8_t bits, uint8_t direction, uint16_t address);
 
 #define HM2_REMOTE_EEPROM_MAX 4096
+#define HM2_REMOTE_FLASH_MAX 0x100000
 
 /* One 8N1 byte on the line. */
 typedef struct hm2_line_byte {

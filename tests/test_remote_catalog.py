@@ -3,7 +3,7 @@
 import contextlib
 
 import pytest
-from lbp import ask, clear_faults, read, write
+from lbp import ask, clear_faults, read, with_crc, write
 from test_remote_wire import Line
 from toc_reader import Mode, Record, toc
 
@@ -378,3 +378,56 @@ def test_a_card_on_the_line_answers_within_its_turnaround() -> None:
     heard = line.heard()
     assert heard[0][0] == middle + 3 * US
     assert len(heard) == 7
+
+
+def flash_frames(block: bytes) -> list[bytes]:
+    return [
+        bytes([0x67]) + offset.to_bytes(2, "little") + block[offset : offset + 8]
+        for offset in range(0, len(block), 8)
+    ]
+
+
+def test_flash_is_erased_and_written_in_blocks_and_outlives_power() -> None:
+    card = remote("7i77-io")
+    assert ask(card, 0xD4) == b"\x0d"
+    assert card.exchange(bytes.fromhex("EC 02 84")) == b"\0"
+    assert (ask(card, 0x44, b"\x04\x80"), ask(card, 0x44, b"\x05\x80")) == (b"\x0a", b"\x08")
+    card.poke(0x400, bytes(1024), space=2)
+    assert card.exchange(bytes.fromhex("66 00 80 00 04 00 00 F3")) == b"\0"
+    assert card.exchange(bytes.fromhex("64 07 80 FE A0")) == b"\0"
+    assert card.peek(0x3FF, 1026, space=2) == b"\xff" * 1026
+    data = bytes(range(256))
+    for frame in flash_frames(data):
+        assert ask(card, frame) == b""
+    assert card.peek(0x400, 256, space=2) == b"\xff" * 256
+    assert ask(card, 0x64, b"\x07\x80\xfd") == b""
+    assert card.peek(0x400, 256, space=2) == data
+    assert ask(card, 0x64, b"\x07\x80\x11") is None  # no such commit
+    assert ask(card, 0x64, b"\x00\x01\x00") is None  # behind the buffer
+    saved = card.nonvolatile
+    card.power_cycle()
+    assert card.peek(0x400, 256, space=2) == data
+    other = remote("7i77-io")
+    other.nonvolatile = saved
+    assert other.nonvolatile == saved
+    with pytest.raises(ValueError, match="flash"):
+        other.nonvolatile = {"flash": b"short"}
+
+
+def test_flash_programming_only_clears_bits() -> None:
+    card = remote("7i77-io")
+    ask(card, 0xEC, 2)
+    for value in (0xF0, 0x3C):
+        assert ask(card, 0x64, b"\x00\x00", value) == b""
+        assert ask(card, 0x64, b"\x07\x80\xfd") == b""
+    assert card.peek(0, 1, space=2) == b"\x30"
+
+
+def test_the_cookie_after_a_commit_comes_when_the_flash_is_done() -> None:
+    card = remote("7i77-io", turnaround_us=3.0)
+    line = Line(card)
+    line.send_frame(0, with_crc(b"\xec\x02"))
+    middle = line.send_frame(10**8, bytes.fromhex("64 07 80 FE A0"))
+    assert [start - middle for start, _, _ in line.heard()[1:]] == [3 * US]
+    line.send_frame(2 * 10**8, b"\xdf\x16")
+    assert line.heard()[0][0] == middle + 20_000 * US

@@ -191,7 +191,7 @@ def test_an_answer_starts_one_turnaround_after_the_middle_of_the_stop_bit(remote
 
 def test_a_gap_ends_a_frame_and_a_shorter_pause_does_not(remote: EmulatedRemote) -> None:
     line = Line(remote)
-    for pause_bits, answered in ((39, True), (41, False)):
+    for pause_bits, answered in ((39, True), (40, True), (41, False)):
         start = 10**9 * (pause_bits + 1)
         line.send(start, 0xDF)
         line.send(start + (10 + pause_bits) * BIT_PS, 0x16)

@@ -9,6 +9,7 @@
 #define U32_MAX 0xFFFFFFFFLL
 #define MANY 0x7FFFFFFFFFFFFFFFLL
 #define PS_PER_SECOND 1000000000000LL
+#define MILLISECOND_PS (PS_PER_SECOND / 1000)
 #define SETUP_BAUD 115200
 #define SETUP_TIMEOUT_BITS 255 /* 25.5 characters (7I77 manual, framing) */
 
@@ -61,6 +62,8 @@ static const knob_range ranges[HM2_REMOTE_KNOBS] = {
 	[HM2_REMOTE_CRC_ERRORS] = { 0, 0, U8_MAX },
 	[HM2_REMOTE_SPACE] = { 0, 0, U8_MAX },
 	[HM2_REMOTE_LEDS] = { 0, 0, U8_MAX },
+	[HM2_REMOTE_ERASE_PS] = { 20 * MILLISECOND_PS, 0, PS_PER_SECOND },
+	[HM2_REMOTE_PROGRAM_PS] = { 3 * MILLISECOND_PS, 0, PS_PER_SECOND },
 };
 
 hm2_remote *hm2_remote_new(void)
@@ -77,6 +80,8 @@ hm2_remote *hm2_remote_new(void)
 
 void hm2_remote_free(hm2_remote *remote)
 {
+	if (remote)
+		free(remote->flash.bytes);
 	free(remote);
 }
 
@@ -164,6 +169,8 @@ void hm2_remote_reset(hm2_remote *remote)
 		remote->knob[forgotten[i]] = ranges[forgotten[i]].initial;
 	remote->pointer = 0;
 	remote->pid_enabled = 0;
+	remote->busy_ps = 0;
+	remote->flash.offset = 0;
 	reset_line(remote);
 	remote_outputs_off(remote);
 	remote_select_mode(remote, 0);

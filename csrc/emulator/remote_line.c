@@ -74,11 +74,13 @@ static void transmit(hm2_remote *remote, const remote_answer *answer, int64_t st
 static void end_frame(hm2_remote *remote, size_t length, int64_t heard_ps)
 {
 	remote_answer answer;
+	int64_t start_ps = heard_ps + remote->knob[HM2_REMOTE_TURNAROUND_PS];
+	int64_t free_ps = remote->busy_ps; /* of earlier commands: a commit is acknowledged before its work */
 	int silent = remote_obey(remote, remote->rx.frame, length, &answer);
 
 	start_frame(&remote->rx);
 	if (!silent && remote_finish_answer(remote, &answer))
-		transmit(remote, &answer, heard_ps + remote->knob[HM2_REMOTE_TURNAROUND_PS]);
+		transmit(remote, &answer, start_ps < free_ps ? free_ps : start_ps);
 }
 
 /* The byte just stored is the header of a further command. */

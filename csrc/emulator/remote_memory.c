@@ -17,6 +17,9 @@ static uint8_t *locate(hm2_remote *remote, int space, uint32_t address, size_t l
 	} else if (space == HM2_LBP_SPACE_EEPROM) {
 		base += STAND_IN_EEPROM;
 		size -= STAND_IN_EEPROM;
+	} else if (space == HM2_LBP_SPACE_FLASH && remote->flash.bytes) {
+		base = remote->flash.bytes;
+		size = remote->flash.size;
 	} else if (space != HM2_LBP_SPACE_RAM) {
 		return NULL;
 	}
@@ -48,10 +51,18 @@ static uint8_t *reachable(hm2_remote *remote, uint16_t address, size_t length, i
 	return allowed(remote, space, address, length, write) ? locate(remote, space, address, length) : NULL;
 }
 
+static int in_flash_window(const hm2_remote *remote)
+{
+	return remote->knob[HM2_REMOTE_SPACE] == HM2_LBP_SPACE_FLASH && !remote->locals[HM2_LBP_LOCAL_RPC_MEMORY_ACCESS];
+}
+
 int remote_read(hm2_remote *remote, uint16_t address, uint8_t *bytes, size_t length)
 {
-	const uint8_t *memory = reachable(remote, address, length, 0);
+	const uint8_t *memory;
 
+	if (in_flash_window(remote))
+		return remote_flash_read(remote, address, bytes, length);
+	memory = reachable(remote, address, length, 0);
 	if (!memory)
 		return -1;
 	if (remote->knob[HM2_REMOTE_SPACE] == HM2_LBP_SPACE_RAM) {
@@ -91,8 +102,15 @@ static void take_faults(hm2_remote *remote, uint16_t address, size_t length)
 
 int remote_write(hm2_remote *remote, uint16_t address, const uint8_t *bytes, size_t length)
 {
-	uint8_t *memory = reachable(remote, address, length, 1);
+	uint8_t *memory;
 
+	if (in_flash_window(remote)) {
+		if (remote_flash_write(remote, address, bytes, length))
+			return -1;
+		log_write(remote, address, bytes, length);
+		return 0;
+	}
+	memory = reachable(remote, address, length, 1);
 	if (!memory)
 		return -1;
 	log_write(remote, address, bytes, length);

@@ -57,6 +57,14 @@ typedef struct remote_transmitter {
 	int64_t free_ps; /* the line is busy until then */
 } remote_transmitter;
 
+typedef struct remote_flash {
+	uint8_t *bytes; /* NULL: no flash */
+	size_t size;
+	uint32_t offset;
+	uint8_t log2_erase, log2_write;
+	uint8_t buffer[4096];
+} remote_flash;
+
 /* An answer in the making. */
 typedef struct remote_answer {
 	uint8_t bytes[FRAME_MAX];
@@ -68,6 +76,7 @@ struct hm2_remote {
 	int64_t knob[HM2_REMOTE_KNOBS];
 	int64_t now_ps;
 	int64_t fed_ps; /* when the watchdog was last fed */
+	int64_t busy_ps; /* at work in the flash until then: no answer before */
 	int64_t bit_ps;
 	uint8_t locals[0x20]; /* local registers that only keep what is written */
 	uint16_t pointer;
@@ -86,6 +95,7 @@ struct hm2_remote {
 	uint8_t power_on_ram[RAM_SIZE];
 	uint8_t eeprom[HM2_REMOTE_EEPROM_MAX];
 	size_t eeprom_size; /* 0: space 1 is RAM + 0x400 */
+	remote_flash flash;
 	remote_mode modes[MODES_MAX];
 	size_t mode_count;
 	remote_element elements[ELEMENTS_MAX];
@@ -110,6 +120,10 @@ void remote_crc_error(hm2_remote *remote);
 /* remote_memory.c: what the line may do. 0: done, -1: no such memory. */
 int remote_read(hm2_remote *remote, uint16_t address, uint8_t *bytes, size_t length);
 int remote_write(hm2_remote *remote, uint16_t address, const uint8_t *bytes, size_t length);
+
+/* remote_flash.c: memory space 2. 0: done, -1: not so. */
+int remote_flash_read(hm2_remote *remote, uint16_t address, uint8_t *bytes, size_t length);
+int remote_flash_write(hm2_remote *remote, uint16_t address, const uint8_t *bytes, size_t length);
 
 /* remote_process.c */
 void remote_process(hm2_remote *remote, const uint8_t *outputs, remote_answer *answer);

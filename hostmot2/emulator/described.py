@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from hostmot2._core import lib
 from hostmot2.emulator.description import (
@@ -18,14 +18,14 @@ from hostmot2.emulator.description import (
     byte_count,
     compile_description,
 )
-from hostmot2.emulator.remote import EEPROM, RAM, EmulatedRemote
+from hostmot2.emulator.remote import EEPROM, FLASH, RAM, EmulatedRemote
 from hostmot2.fields import Direction, Field, FieldKind
 
 Value = int | float | bool
 
 WATCHDOG_FAULT = 0x01
 TABLE_PAGE = 0x800
-CRC_CAPABLE, EEPROM_CAPABLE = 0x01, 0x04
+CRC_CAPABLE, EEPROM_CAPABLE, FLASH_CAPABLE = 0x01, 0x04, 0x08
 
 
 class DescribedRemote(EmulatedRemote):
@@ -124,7 +124,11 @@ class DescribedRemote(EmulatedRemote):
         ):
             if name in parameters and not (name == "fault" and described.model == "8i20"):
                 self._set(knob, parameters[name].address)
-        self._set(lib.HM2_REMOTE_CAPABILITY, CRC_CAPABLE | (EEPROM_CAPABLE if self.image.eeprom else 0))
+        capability = CRC_CAPABLE | (EEPROM_CAPABLE if self.image.eeprom else 0)
+        if described.flash is not None:
+            self._check(lib.hm2_remote_add_flash(self._remote, *described.flash))
+            capability |= FLASH_CAPABLE
+        self._set(lib.HM2_REMOTE_CAPABILITY, capability)
 
     def _add_modes(self) -> None:
         for mode in self.image.modes:
@@ -205,6 +209,28 @@ class DescribedRemote(EmulatedRemote):
         ValueError: an output, NaN, or more bits than there are. KeyError: no such name.
         """
         self.set_raw(name, encode(self._field(name), value))
+
+    # -- what outlives a power cycle
+
+    @property
+    def nonvolatile(self) -> dict[str, bytes]:
+        """EEPROM and flash, under these names; assign to restore a saved state, effective at power-up.
+
+        Raises ValueError for memory that this remote does not have or that has another size.
+        """
+        state = {"eeprom": self.peek(0, len(self.image.eeprom), space=EEPROM)} if self.image.eeprom else {}
+        if self.description.flash is not None:
+            state["flash"] = self.peek(0, self.description.flash[0], space=FLASH)
+        return state
+
+    @nonvolatile.setter
+    def nonvolatile(self, state: Mapping[str, bytes]) -> None:
+        have = self.nonvolatile
+        for name, data in state.items():
+            if name not in have or len(data) != len(have[name]):
+                raise ValueError(f"{self.name}: no {name} of {len(data)} bytes")
+        for name, data in state.items():
+            self.poke(0, data, space=EEPROM if name == "eeprom" else FLASH)
 
     # -- faults of the device
 

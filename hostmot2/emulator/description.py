@@ -72,6 +72,7 @@ class RemoteDescription:
         ptoc, gtoc, tables_at, ram_at: where to put things; None leaves it open.
         modes_in_ptoc: whether the PTOC begins with the current hardware and software mode.
         globals_listed: whether the GTOC lists anything at all.
+        flash: size in bytes, log2 of the erase block and of the write block; None: no flash.
         readable: RAM that can be read through the line, first and last address; None: what is used.
         invented: what of this description is ours because no source tells.
     """
@@ -92,6 +93,7 @@ class RemoteDescription:
     ram_at: int = 0x0010
     modes_in_ptoc: bool = True
     globals_listed: bool = True
+    flash: tuple[int, int, int] | None = (0x20000, 10, 8)
     readable: tuple[int, int] | None = None
     invented: str = ""
 

@@ -31,6 +31,7 @@ MESA_7I90 = RemoteDescription(
     tables_at=0x0300,
     ram_at=0x0280,
     globals_listed=False,
+    flash=None,
     readable=(0x0200, 0x07FF),
     invented="addresses of process data and records (the published ones are 32 bytes apart), card name",
 )
@@ -76,6 +77,7 @@ STMBL = RemoteDescription(
     gtoc=0x01A5,
     tables_at=0x0200,
     modes_in_ptoc=False,
+    flash=None,
     invented="addresses of process data and records, unit strings, watchdog time, fault after power-up",
 )
 

@@ -38,6 +38,7 @@ static hm2_remote *make(uint8_t kind)
 	hm2_remote_set(remote, HM2_REMOTE_TRANSMIT_SIZE, kind & 4 ? 255 : 4);
 	hm2_remote_set(remote, HM2_REMOTE_RECEIVE_SIZE, kind & 4 ? 255 : 8);
 	if (kind & 8) {
+		hm2_remote_add_flash(remote, 4096, 10, 8);
 		hm2_remote_add_eeprom(remote, 128);
 		hm2_remote_add_copy(remote, 0, 0x100, 4);
 		hm2_remote_set(remote, HM2_REMOTE_WATCHDOG_ADDRESS, 0x100);
