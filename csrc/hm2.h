@@ -1116,4 +1116,17 @@ typedef struct hm2_stepgens {
 
 void hm2_stepgens_part(hm2_stepgens *stepgens, hm2_cyclic *part);
 
+/* ---- an emulated card behind shared memory (emulator/mirror.c) ----------------------------- */
+
+typedef struct hm2_mirror_word {
+	uint32_t address;
+	uint32_t shown;    /* what the shared word last held; start it with the word itself */
+	int32_t readable;  /* 0: reading has side effects or gives nothing, HM2_EMULATOR_UNDRIVEN is shown */
+} hm2_mirror_word;
+
+/* One look at 64 KiB of memory shared with a driver: words it has changed are written to the card, in list
+ * order, then the card's words are shown, in list order. seen: room for count words. */
+int hm2_emulator_mirror(hm2_emulator *card, void *shared, hm2_mirror_word *words, uint32_t *seen, size_t count,
+                        hm2_error *error);
+
 #endif
