@@ -7,7 +7,8 @@ from typing import Any
 import click
 
 from hostmot2.cli.session import ADDRESS, WORD, Session, reports, rows
-from hostmot2.decoding import Place, describe, places
+from hostmot2.address_map import RegisterAt, registers_of
+from hostmot2.idrom import Inventory
 
 
 @click.command()
@@ -22,33 +23,53 @@ def peek(session: Session, address: int, count: int) -> None:
     if address + 4 * count > 0x10000:
         raise click.UsageError(f"{count} words from 0x{address:04X} on reach beyond 0xFFFF")
     with session.board() as board:
-        known = places(board.inventory)
+        known = _by_address(board.inventory)
         words = board.read_words(address, count)
     lines, document = [], []
     for index, word in enumerate(words):
         at = address + 4 * index
         here = known.get(at, ())
         _warn_of_reading(here)
-        decoded = "  ".join(describe(place, word) for place in here if place.register.readable)
-        lines.append((f"0x{at:04X}", f"0x{word:08X}", word, ", ".join(map(str, here)), decoded))
+        decoded = "  ".join(_fields(known_as, word) for known_as in here if known_as.register.readable)
+        lines.append((f"0x{at:04X}", f"0x{word:08X}", word, _names(here), decoded))
         document.append(_document(at, word, here))
     session.report(document, rows(("address", "word", "decimal", "register", "fields"), lines))
 
 
-def _warn_of_reading(here: tuple[Place, ...]) -> None:
-    for place in here:
-        if place.register.read_effect:
-            click.echo(f"hm2: reading {place}: {place.register.read_effect}", err=True)
-        if not place.register.readable:
-            click.echo(f"hm2: {place} is write-only, what it reads means nothing", err=True)
+def _by_address(inventory: Inventory) -> dict[int, tuple[RegisterAt, ...]]:
+    found: dict[int, tuple[RegisterAt, ...]] = {}
+    for at in registers_of(inventory):
+        found[at.address] = (*found.get(at.address, ()), at)
+    return found
 
 
-def _document(address: int, word: int, here: tuple[Place, ...]) -> dict[str, Any]:
-    readable = [place for place in here if place.register.readable]
+def _names(here: tuple[RegisterAt, ...]) -> str:
+    return ", ".join(known_as.name for known_as in here)
+
+
+def _fields(at: RegisterAt, word: int) -> str:
+    fields = (field for field in at.register.fields if field.readable)
+    return " ".join(f"{field.name}={_value(field.get(word), field.width)}" for field in fields)
+
+
+def _value(value: int, width: int) -> str:
+    return str(value) if width <= 4 else f"0x{value:0{(width + 3) // 4}X}"
+
+
+def _warn_of_reading(here: tuple[RegisterAt, ...]) -> None:
+    for at in here:
+        if at.register.read_effect:
+            click.echo(f"hm2: reading {at.name}: {at.register.read_effect}", err=True)
+        if not at.register.readable:
+            click.echo(f"hm2: {at.name} is write-only, what it reads means nothing", err=True)
+
+
+def _document(address: int, word: int, here: tuple[RegisterAt, ...]) -> dict[str, Any]:
+    readable = [at for at in here if at.register.readable]
     return {
         "address": address,
         "word": word,
-        "register": ", ".join(map(str, here)) or None,
+        "register": _names(here) or None,
         "fields": readable[0].register.decode(word) if readable else {},
     }
 
@@ -61,7 +82,7 @@ def _document(address: int, word: int, here: tuple[Place, ...]) -> dict[str, Any
 def poke(session: Session, address: int, value: int, yes: bool) -> None:
     """Write VALUE to the register at byte address ADDR. Needs --yes."""
     with session.board() as board:
-        here = ", ".join(map(str, places(board.inventory).get(address, ()))) or "an unknown register"
+        here = _names(_by_address(board.inventory).get(address, ())) or "an unknown register"
         what = f"0x{value:08X} to 0x{address:04X} ({here})"
         if not yes:
             raise click.UsageError(f"this would write {what} of {board.url}; add --yes to do it")
