@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build"
 PYTHON = sys.executable
 FUZZ_SECONDS = 10
+MAKE = ("make", "--no-print-directory", "-j2", "-f", "tests/c/Makefile")
 SANITIZE = "-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g"
 
 
@@ -130,7 +131,7 @@ def tests_slow() -> str:
 def fuzz() -> str:
     """Every libFuzzer target of tests/c/fuzz, briefly."""
     clang()
-    output = run("make", "--no-print-directory", "-j2", "-f", "tests/c/Makefile", "fuzz", f"SECONDS_EACH={FUZZ_SECONDS}")
+    output = run(*MAKE, "fuzz", f"SECONDS_EACH={FUZZ_SECONDS}")
     return f"{FUZZ_SECONDS} s each: " + ", ".join(line.removeprefix("fuzz ") for line in output.splitlines())
 
 
@@ -143,14 +144,14 @@ def c_units() -> str:
 @step
 def c_analyze() -> str:
     """gcc's static analyzer on every C file."""
-    run("make", "-k", "-j2", "-f", "tests/c/Makefile", "analyze")
+    run(*MAKE, "-k", "analyze")
     return "gcc -fanalyzer"
 
 
 @step
 def c_strict() -> str:
     """Strict warnings as errors on every C file."""
-    run("make", "-k", "-j2", "-f", "tests/c/Makefile", "strict")
+    run(*MAKE, "-k", "strict")
     return "-Wall -Wextra -Wconversion -Wshadow -Wstrict-prototypes -Werror"
 
 

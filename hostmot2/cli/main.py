@@ -20,6 +20,7 @@ COMMANDS: dict[str, str] = {
     "pins": "hostmot2.cli.identify:pins",
     "peek": "hostmot2.cli.registers:peek",
     "poke": "hostmot2.cli.registers:poke",
+    "sserial": "hostmot2.cli.sserial:sserial",
 }
 """Name -> module:command. A module is imported when its command is used, so that `hm2 info` is quick."""
 

@@ -6,8 +6,8 @@ from typing import Any
 
 import click
 
-from hostmot2.cli.session import ADDRESS, WORD, Session, reports, rows
 from hostmot2.address_map import RegisterAt, registers_of
+from hostmot2.cli.session import ADDRESS, WORD, Session, reports, rows
 from hostmot2.idrom import Inventory
 
 

@@ -21,7 +21,7 @@ _VALUE = Registers.value
 
 
 class Pwmgen:
-    """One generator: `value / scale` is the duty, -1 to 1. Off (duty 0, /Enable high) until `enable` is set."""
+    """One generator: `value / scale` is the duty, -1 to 1. Off (0, /Enable high) until `enable` is set."""
 
     def __init__(self, pwmgens: Pwmgens, index: int) -> None:
         self._all = pwmgens

@@ -1,0 +1,157 @@
+"""hm2 sserial: scan, start, stop, status, counters of a smart-serial port."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hostmot2.cli import failure
+from hostmot2.cli.session import MASK, Session, reports, rows
+
+if TYPE_CHECKING:
+    from hostmot2.board import Board
+    from hostmot2.sserial import ChannelEvidence, SserialPort
+
+PERIOD_S = 0.005
+"""Of the exchanges of `start --run`: well within the remotes' watchdogs, 40 ms and more."""
+
+EVIDENCE_HEADER = ("channel", "name", "unit", "result", "CS", "counted")
+
+port_option = click.option(
+    "--port", "number", type=click.IntRange(0, 3), default=0, show_default=True, help="SSERIAL instance."
+)
+
+
+@click.group()
+def sserial() -> None:
+    """Smart serial: remotes on the card's RS-422 channels.
+
+    Whatever was started is stopped again, its outputs off, when the command ends.
+    """
+
+
+@contextmanager
+def _port(session: Session, number: int) -> Iterator[tuple[Board, SserialPort]]:
+    with session.board() as board:
+        ports = board.sserial
+        if number >= len(ports):
+            raise click.UsageError(f"there is no port {number}: the card has {len(ports)}")
+        yield board, ports[number]
+
+
+def _evidence(row: ChannelEvidence) -> dict[str, Any]:
+    return {
+        "channel": row.channel,
+        "name": row.name,
+        "unit_number": row.unit_number,
+        "found": row.found,
+        "started": row.started,
+        "result": row.reason,
+        "cs": row.status.word,
+        "counters": asdict(row.counters) if row.counters else None,
+    }
+
+
+@sserial.command()
+@port_option
+@reports
+def scan(session: Session, number: int) -> None:
+    """Look at every channel: who answers, and why one cannot be used."""
+    with _port(session, number) as (_, port):
+        found = port.scan()
+        document = [
+            _evidence(row) | {"elements": row.elements, "parameters": row.parameters} for row in found
+        ]
+    session.report(document, rows(EVIDENCE_HEADER, [row.row() for row in found]))
+
+
+@sserial.command()
+@click.argument("mask", type=MASK)
+@click.option("--setup", is_flag=True, help="Setup mode: access to the remotes' memory, no process data.")
+@click.option(
+    "--run", "seconds", type=click.FloatRange(min=0), default=0.0, help="Exchange data for SECONDS."
+)
+@port_option
+@reports
+@click.pass_context
+def start(
+    context: click.Context, session: Session, mask: int, setup: bool, seconds: float, number: int
+) -> None:
+    """Start the channels in MASK (bit n: channel n); 6 if one did not start.
+
+    Outputs stay zero. With --run the inputs are shown as they were at the end.
+    """
+    with _port(session, number) as (board, port):
+        result = port.start(mask, "setup" if setup else "normal")
+        failed = 0
+        if seconds and result.started and not setup:
+            failed = _run(board, port, result.started, seconds)
+        document = {
+            "started": result.started,
+            "failed": result.failed,
+            "failed_exchanges": failed,
+            "channels": [_evidence(row) for row in result.channels],
+            "inputs": _inputs(port, result.started) if seconds and not setup else {},
+        }
+        session.report(document, str(result), *([repr(port)] if seconds else []))
+    if result.failed:
+        context.exit(failure.DEVICE)
+
+
+def _run(board: Board, port: SserialPort, mask: int, seconds: float) -> int:
+    """Exchanges for a while; how many failed."""
+    failed = 0
+    for _ in range(max(1, round(seconds / PERIOD_S))):
+        failed += bool(port.doit(mask).failed)
+        board.pause(PERIOD_S)
+    return failed
+
+
+def _inputs(port: SserialPort, mask: int) -> dict[int, dict[str, Any]]:
+    started = (channel for channel in port.channels if mask >> channel.number & 1 and channel.description)
+    return {channel.number: dict(channel.inputs) for channel in started}
+
+
+@sserial.command()
+@click.argument("mask", type=MASK, required=False)
+@port_option
+@reports
+def stop(session: Session, mask: int | None, number: int) -> None:
+    """Stop the channels in MASK, all without one."""
+    with _port(session, number) as (_, port):
+        port.stop(mask)
+    session.report({"stopped": 0xFF if mask is None else mask}, "stopped")
+
+
+@sserial.command()
+@port_option
+@reports
+def status(session: Session, number: int) -> None:
+    """The CS register of every channel, in words."""
+    lines, document = [], []
+    with _port(session, number) as (_, port):
+        for channel in port.channels:
+            found = channel.status
+            lines.append((channel.number, f"0x{found.word:08X}", found.state, ", ".join(found.live)))
+            document.append(
+                {"channel": channel.number, "cs": found.word, "state": found.state}
+                | {"live": found.live, "sticky": found.sticky}
+            )
+        firmware = f"SSLBP {port.revision}, {port.clock_hz / 1e6:g} MHz, {len(port.channels)} channels"
+        facts = {"port": number, "revision": port.revision, "clock_hz": port.clock_hz, "channels": document}
+    session.report(facts, firmware, rows(("channel", "CS", "state", "live"), lines))
+
+
+@sserial.command()
+@port_option
+@reports
+def counters(session: Session, number: int) -> None:
+    """The firmware's error counters of every channel since its last stop."""
+    with _port(session, number) as (_, port):
+        counted = [asdict(row) for row in port.counters()]
+    header = [name.replace("_", " ") for name in counted[0]] if counted else []
+    session.report(counted, rows(header, [tuple(row.values()) for row in counted]))
