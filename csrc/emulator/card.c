@@ -45,16 +45,24 @@ static void read_descriptor(const struct hm2_emulator *card, const uint32_t *wor
 	out->multiple = words[2];
 }
 
-static void claim_pages(struct hm2_emulator *card, const struct card_module *module, int index)
+static void claim_page(struct hm2_emulator *card, int index, int reg)
 {
-	int registers = module->descriptor.registers + module->type->extra_registers;
-	for (int r = 0; r < registers; r++) {
-		uint32_t page = (module->descriptor.base >> 8) + (uint32_t)r;
-		if (page > 0xFF || card->pages[page].module)
-			continue;
-		card->pages[page].module = (uint8_t)(index + 1);
-		card->pages[page].reg = (uint8_t)r;
-	}
+	uint32_t page = (uint32_t)(card->modules[index].descriptor.base >> 8) + (uint32_t)reg;
+	if (page > 0xFF || card->pages[page].module)
+		return;
+	card->pages[page].module = (uint8_t)(index + 1);
+	card->pages[page].reg = (uint8_t)reg;
+}
+
+/* Optional registers lie behind those a descriptor counts, where no other module has its own. */
+static void claim_pages(struct hm2_emulator *card)
+{
+	for (int i = 0; i < card->module_count; i++)
+		for (int r = 0; r < card->modules[i].descriptor.registers; r++)
+			claim_page(card, i, r);
+	for (int i = 0; i < card->module_count; i++)
+		for (int r = 0; r < card->modules[i].type->extra_registers; r++)
+			claim_page(card, i, card->modules[i].descriptor.registers + r);
 }
 
 static int add_module(struct hm2_emulator *card, const uint32_t *words)
@@ -70,7 +78,6 @@ static int add_module(struct hm2_emulator *card, const uint32_t *words)
 	module->self = type->create(card, &descriptor);
 	if (module->self == NULL)
 		return HM2_ERR_NO_MEMORY;
-	claim_pages(card, module, card->module_count);
 	card->module_count++;
 	return HM2_OK;
 }
@@ -92,6 +99,7 @@ static int add_modules(struct hm2_emulator *card, hm2_error *error)
 	if (ioport == NULL)
 		return fail(error, HM2_ERR_FORMAT, 0x400 + offset, "no ioport module");
 	card->ioport = ioport->self;
+	claim_pages(card);
 	return HM2_OK;
 }
 

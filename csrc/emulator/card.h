@@ -11,6 +11,7 @@
 #define CARD_MAX_PINS 144
 #define CARD_MAX_PORTS 8
 #define CARD_IDROM_WORDS 256
+#define CARD_SHARED_UNIT 0x80 /* in a pin's unit: of all instances */
 #define CARD_MAX_ENCODERS 128
 #define CARD_MUX_DELAY_PS 5000 /* of a daughter card's encoder multiplexer */
 #define CARD_ALL_DRIVEN 0xFFFFFFFFu

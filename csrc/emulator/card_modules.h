@@ -8,6 +8,8 @@
 #define GTAG_WATCHDOG 0x02
 #define GTAG_IOPORT 0x03
 #define GTAG_ENCODER 0x04
+#define GTAG_STEPGEN 0x05
+#define GTAG_PWMGEN 0x06
 #define GTAG_MUXED_ENCODER 0x0C
 #define GTAG_MUXED_SELECT 0x0D
 #define GTAG_DPLL 0x1A
@@ -20,6 +22,9 @@ extern const struct card_module_type ioport_type;
 extern const struct card_module_type encoder_type;
 extern const struct card_module_type muxed_encoder_type;
 extern const struct card_module_type muxed_select_type;
+extern const struct card_module_type stepgen_type;
+extern const struct card_module_type pwmgen_type;
+extern const struct card_module_type dpll_type;
 extern const struct card_module_type sserial_type;
 
 /* ioport.c */

@@ -8,6 +8,9 @@ static const struct card_module_type *const types[] = {
 	&encoder_type,
 	&muxed_encoder_type,
 	&muxed_select_type,
+	&stepgen_type,
+	&pwmgen_type,
+	&dpll_type,
 	&sserial_type,
 };
 
