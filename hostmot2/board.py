@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import atexit
 import importlib
 import os
 import threading
-import weakref
+import warnings
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 from types import TracebackType
 from typing import Any, Self
 
-from hostmot2 import errors
+from hostmot2 import errors, exits
 from hostmot2._core import ffi, lib
 from hostmot2.boards import BoardFacts
 from hostmot2.idrom import Idrom, Inventory, ModuleDescriptor, PinDescriptor, read_inventory
@@ -40,7 +39,8 @@ class Board:
     """An open card.
 
     Use it as a context manager: leaving the block, by whatever way, turns outputs off and closes the card.
-    Boards still open when the interpreter exits are closed the same way.
+    Boards still open when the interpreter exits are closed the same way, and on SIGTERM and SIGHUP unless
+    the program handles those itself (hostmot2/exits.py).
 
     Attributes of the card's parts (`sserial`, `encoders`, `watchdog`, ...) are made when first used; the
     table is hostmot2/parts.py.
@@ -58,11 +58,13 @@ class Board:
         self._restore: list[Callable[[], object]] = []
         self._safe_off: list[tuple[int, int, Callable[[], object]]] = []
         self._owner = os.getpid()
-        self._closed = False
+        self._closing = False
+        self._closed = True  # until there is something to close
         self._error = errors.new_error()
         handle = ffi.new("struct hm2_board **")
         errors.check(lib.hm2_board_open(transport.bus, handle, self._error), self._error)
         self._handle = ffi.gc(handle[0], lib.hm2_board_free)
+        self._closed = False
         try:
             self.inventory: Inventory = read_inventory(
                 self.read_words, model=transport.model, board=board, strict=strict
@@ -70,7 +72,7 @@ class Board:
         except BaseException:
             self._close_bus()
             raise
-        _open_boards.add(self)
+        exits.close_at_exit(self)
 
     @property
     def idrom(self) -> Idrom:
@@ -101,7 +103,7 @@ class Board:
 
     @property
     def closed(self) -> bool:
-        """Whether close() has been called."""
+        """Whether the card has been let go; still False while close() turns outputs off."""
         return self._closed
 
     @property
@@ -193,14 +195,14 @@ class Board:
         The first error of a safe-off action is raised after everything has been tried.
         """
         with self.lock:
-            if self._closed:
+            if self._closed or self._closing:
                 return
-            self._closed = True
+            self._closing = True
             lib.hm2_board_set_gate(self._handle, 0)  # making safe is writing, too
             # a forked child shares the card with its parent, whose outputs it must not turn off
             failed = self._make_safe() if os.getpid() == self._owner else []
             self._close_bus()
-        _open_boards.discard(self)
+        exits.forget(self)
         if failed:
             for other in failed[1:]:
                 failed[0].add_note(f"also: {other!r}")
@@ -220,6 +222,11 @@ class Board:
         lib.hm2_board_close(self._handle)
         for action in self._transport.on_close:
             action()
+
+    def __del__(self) -> None:
+        if not getattr(self, "_closed", True):
+            warnings.warn(f"{self!r} was dropped without close()", ResourceWarning, stacklevel=2)
+            self.close()
 
     def _part(self, name: str) -> Any:
         with self.lock:
@@ -252,12 +259,3 @@ class Board:
     def __repr__(self) -> str:
         state = "closed" if self._closed else f"{len(self.modules)} modules, {len(self.pins)} pins"
         return f"<Board {self.name} at {self.url}: {state}>"
-
-
-_open_boards: weakref.WeakSet[Board] = weakref.WeakSet()
-
-
-@atexit.register
-def _close_open_boards() -> None:
-    for board in list(_open_boards):
-        board.close()

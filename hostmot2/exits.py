@@ -1,0 +1,72 @@
+"""Outputs off on every way out of the process that the process gets to see.
+
+Interpreter exit (end of script, sys.exit, uncaught exception, Ctrl-C) closes the boards still open. So do
+SIGTERM and SIGHUP, where nobody else handles them. What cannot be seen (SIGKILL, a crash, power) is the
+watchdog's business.
+"""
+
+from __future__ import annotations
+
+import atexit
+import signal
+import sys
+import threading
+import weakref
+from types import FrameType
+from typing import Protocol
+
+
+class Closable(Protocol):
+    """What can be closed, any number of times."""
+
+    def close(self) -> None:
+        """Make safe and let go."""
+
+
+SIGNALS = (signal.SIGTERM, signal.SIGHUP)
+_open: weakref.WeakSet[Closable] = weakref.WeakSet()
+
+
+def close_at_exit(board: Closable) -> None:
+    """Close `board` on every way out, unless it is closed before."""
+    _open.add(board)
+    _watch_signals()
+
+
+def forget(board: Closable) -> None:
+    """The board has been closed."""
+    _open.discard(board)
+
+
+@atexit.register
+def close_all() -> None:
+    """Close every board; all are tried, the first failure is raised."""
+    failed: BaseException | None = None
+    for board in list(_open):
+        try:
+            board.close()
+        except BaseException as error:
+            failed = failed or error
+    if failed is not None:
+        raise failed
+
+
+def _watch_signals() -> None:
+    """Take over the signals that would end the process unseen; a handler somebody has set stays.
+
+    Python runs handlers, and lets them be set, in the main thread only.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        return
+    for number in SIGNALS:
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _end)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """Outputs off now, before other threads are waited for; then the exit status a shell would show."""
+    signal.signal(number, signal.SIG_IGN)  # a second one must not stop us halfway
+    try:
+        close_all()
+    finally:
+        sys.exit(128 + number)
