@@ -2,24 +2,15 @@
 #include <string.h>
 
 #include "hm2.h"
-
-enum {
-	WRITE = 0x8000,
-	ADDRESS = 0x4000,
-	INFO = 0x2000,
-	SPACE_LSB = 10,
-	SIZE_LSB = 8,
-	INCREMENT = 0x0080,
-	COUNT_MASK = 0x007F
-};
+#include "registers.h"
 
 static unsigned size_code(unsigned element_size)
 {
 	switch (element_size) {
-	case 1: return 0;
-	case 2: return 1;
-	case 4: return 2;
-	default: return 3;
+	case 1: return HM2_LBP16_SIZE_BITS_8;
+	case 2: return HM2_LBP16_SIZE_BITS_16;
+	case 4: return HM2_LBP16_SIZE_BITS_32;
+	default: return HM2_LBP16_SIZE_BITS_64;
 	}
 }
 
@@ -41,6 +32,17 @@ static void put16(uint8_t *bytes, uint16_t value)
 	bytes[0] = (uint8_t)value;
 	bytes[1] = (uint8_t)(value >> 8);
 }
+
+/* Short names for the fields of the command word. */
+enum {
+	WRITE = HM2_LBP16_COMMAND_WORD_WRITE_MASK,
+	ADDRESS = HM2_LBP16_COMMAND_WORD_ADDRESS_MASK,
+	INFO = HM2_LBP16_COMMAND_WORD_INFO_MASK,
+	SPACE_LSB = HM2_LBP16_COMMAND_WORD_SPACE_LSB,
+	SIZE_LSB = HM2_LBP16_COMMAND_WORD_SIZE_LSB,
+	INCREMENT = HM2_LBP16_COMMAND_WORD_INCREMENT_MASK,
+	COUNT_MASK = HM2_LBP16_COMMAND_WORD_COUNT_MASK
+};
 
 uint16_t hm2_lbp16_encode(const hm2_lbp16_command *command)
 {

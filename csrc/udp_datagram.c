@@ -1,9 +1,10 @@
 /* Transfers in and out of LBP16 datagrams. Pure functions. */
+#include "registers.h"
 #include "udp.h"
 
 #include <string.h>
 
-enum { SCRATCH_SPACE = 4, SCRATCH_SEQUENCE = 0x10, SCRATCH_PROBE = 0x14 };
+enum { SCRATCH_SEQUENCE = HM2_LBP16_TIMER_SCRATCH, SCRATCH_PROBE = HM2_LBP16_TIMER_SCRATCH + 4 };
 
 #define TAIL 12 /* bytes of udp_datagram_close */
 
@@ -28,7 +29,7 @@ static void put32(uint8_t *bytes, uint32_t value)
 static hm2_lbp16_command scratch(int write, uint16_t address, uint8_t words)
 {
 	return (hm2_lbp16_command){.address = address, .write = (uint8_t)write, .has_address = 1,
-	                           .space = SCRATCH_SPACE, .element_size = 2, .increment = 1, .count = words};
+	                           .space = HM2_LBP16_SPACE_TIMER, .element_size = 2, .increment = 1, .count = words};
 }
 
 static void append(struct udp_datagram *datagram, const hm2_lbp16_command *command, const uint8_t *data)
@@ -83,7 +84,7 @@ static void append_words(struct udp_datagram *datagram, const hm2_transfer *tran
 	const int same = (transfer->flags & HM2_TRANSFER_SAME_ADDRESS) != 0;
 	const int write = (transfer->flags & HM2_TRANSFER_WRITE) != 0;
 	const hm2_lbp16_command command = {.address = (uint16_t)(transfer->address + (same ? 0 : 4 * word)),
-	                                   .write = (uint8_t)write, .has_address = 1, .space = 0, .element_size = 4,
+	                                   .write = (uint8_t)write, .has_address = 1, .space = HM2_LBP16_SPACE_HOSTMOT2, .element_size = 4,
 	                                   .increment = (uint8_t)!same, .count = (uint8_t)count};
 	uint8_t data[4 * HM2_LBP16_MAX_COUNT];
 

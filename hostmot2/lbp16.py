@@ -6,17 +6,16 @@ import struct
 from typing import Any
 
 from hostmot2._core import ffi, lib
+from hostmot2.registers import Lbp16Space
 
 PORT: int = lib.HM2_LBP16_PORT
 MAX_PAYLOAD: int = lib.HM2_LBP16_MAX_PAYLOAD
-
-HOSTMOT2, CHIP, EEPROM, FLASH, TIMERS, STATUS, INFORMATION = 0, 1, 2, 3, 4, 6, 7
-"""Memory spaces; there is no space 5."""
+MAX_COUNT: int = lib.HM2_LBP16_MAX_COUNT
 
 
 def element_size(space: int) -> int:
     """Bytes of an element of a space's memory: 4 in HostMot2 and flash, 2 elsewhere."""
-    return 4 if space in (HOSTMOT2, FLASH) else 2
+    return 4 if space in (Lbp16Space.HOSTMOT2, Lbp16Space.FLASH) else 2
 
 
 def _command(

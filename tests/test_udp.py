@@ -25,6 +25,7 @@ from scripted_card import (
 from hostmot2 import errors, lbp16
 from hostmot2._core import ffi, lib
 from hostmot2.emulator.ethernet import EthernetCard, EthernetDescription, EthernetServer
+from hostmot2.registers import Lbp16Space
 from hostmot2.transports.udp import UdpLink, open_transport
 
 MS = 1_000_000
@@ -361,7 +362,7 @@ def test_a_restarted_engine_is_not_taken_for_lost_writes():
     facts = EthernetDescription("7I92", restart_us=1000)
     with EthernetServer(EthernetCard(facts)) as server, linked(server.port) as words:
         words.exchange(write(0, 1))
-        words.link.exchange(lbp16.write(lbp16.STATUS, 0x1C, [1]))
+        words.link.exchange(lbp16.write(Lbp16Space.CONTROL, 0x1C, [1]))
         words.link.clear()
         assert words.exchange(read(0)) == [[1]]
         assert words.link.counters.writes_lost == words.link.counters.foreign == 0
@@ -373,7 +374,7 @@ def test_nobody_listening_is_told_at_once():
         port = free.getsockname()[1]
     link = UdpLink("127.0.0.1", port)
     with pytest.raises(errors.TransportError) as caught:
-        link.exchange(lbp16.read(lbp16.INFORMATION, 0))
+        link.exchange(lbp16.read(Lbp16Space.BOARD, 0))
     assert caught.value.os_errno == errno.ECONNREFUSED
     link.close()
 
@@ -388,10 +389,10 @@ def test_several_cards_are_asked_before_any_is_awaited():
 
 def test_raw_commands_reach_the_other_spaces(card, words):
     link = words.link
-    assert link.exchange(lbp16.read(lbp16.INFORMATION, 0, 8)) == b"7I92".ljust(16, b"\0")
-    assert link.read_words(lbp16.EEPROM, 2, 3) == [0x1234, 0x1B10, 0x0060]
+    assert link.exchange(lbp16.read(Lbp16Space.BOARD, 0, 8)) == b"7I92".ljust(16, b"\0")
+    assert link.read_words(Lbp16Space.EEPROM, 2, 3) == [0x1234, 0x1B10, 0x0060]
     with pytest.raises(ValueError, match="out of range"):
-        link.exchange(lbp16.read(lbp16.HOSTMOT2, 0, 127) * 3)
+        link.exchange(lbp16.read(Lbp16Space.HOSTMOT2, 0, 127) * 3)
     with pytest.raises(ValueError, match="whole"):
         link.exchange(b"\x01")
 
@@ -399,7 +400,7 @@ def test_raw_commands_reach_the_other_spaces(card, words):
 def test_raw_writes_are_never_repeated(card, words):
     card.script = [lose_reply]
     with pytest.raises(errors.TransportTimeout):
-        words.link.exchange(lbp16.write(lbp16.STATUS, 0x14, [1]), timeout=0.1)
+        words.link.exchange(lbp16.write(Lbp16Space.CONTROL, 0x14, [1]), timeout=0.1)
     assert sum(b"\x81\xd9\x14\x00" in request for request in card.requests) == 1
 
 
@@ -421,4 +422,4 @@ def test_use_after_close():
         link.close()
         link.close()
         with pytest.raises(errors.TransportClosed):
-            link.exchange(lbp16.read(lbp16.INFORMATION, 0))
+            link.exchange(lbp16.read(Lbp16Space.BOARD, 0))

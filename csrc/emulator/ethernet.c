@@ -58,12 +58,12 @@ static void restart(struct hm2_ethernet *ethernet)
 	memset(ethernet->information, 0, sizeof ethernet->information);
 	memset(&ethernet->icap, 0, sizeof ethernet->icap);
 	ethernet_flash_idle(&ethernet->flash);
-	memcpy(ethernet->information, &ethernet->eeprom[0x10 / 2], 16); /* card name */
-	ethernet->information[0x10 / 2] = ethernet->config.lbp_version;
-	ethernet->information[0x12 / 2] = ethernet->config.firmware_version;
-	ethernet->information[0x14 / 2] = ethernet->config.jumpers;
-	ethernet->status[STATUS_LED_MODE] = ethernet->eeprom[0x28 / 2];
-	ethernet->status[STATUS_LED_POINTER] = 0x08;
+	memcpy(ethernet->information, &ethernet->eeprom[HM2_LBP16_EEPROM_CARD_NAME / 2], 16); /* card name */
+	ethernet->information[HM2_LBP16_BOARD_LBP16_VERSION / 2] = ethernet->config.lbp_version;
+	ethernet->information[HM2_LBP16_BOARD_FIRMWARE_VERSION / 2] = ethernet->config.firmware_version;
+	ethernet->information[HM2_LBP16_BOARD_JUMPERS / 2] = ethernet->config.jumpers;
+	ethernet->status[STATUS_LED_MODE] = ethernet->eeprom[HM2_LBP16_EEPROM_LED_MODE / 2];
+	ethernet->status[STATUS_LED_POINTER] = HM2_LBP16_CONTROL_RX_PACKETS;
 	ethernet->reset_requested = 0;
 	ethernet->reload_requested = 0;
 }
@@ -168,9 +168,10 @@ static int width_allowed(const hm2_lbp16_command *command)
 
 static int element(struct hm2_ethernet *ethernet, const hm2_lbp16_command *command, uint16_t address, uint32_t *value)
 {
+	if (command->info && command->write)
+		return HM2_LBP16_ERROR_WRITE;
 	if (command->info)
-		return command->write ? ETHERNET_WRITE_ERROR
-		                      : ethernet_info_read(ethernet, command->space, address, value);
+		return ethernet_info_read(ethernet, command->space, address, value);
 	if (command->write)
 		return ethernet_space_write(ethernet, command->space, address, *value);
 	return ethernet_space_read(ethernet, command->space, address, value);
@@ -222,9 +223,9 @@ static int run_packet(struct hm2_ethernet *ethernet, const uint8_t *request, siz
 		int fault;
 
 		if (status == HM2_ERR_RANGE)
-			return ETHERNET_MEMORY_ERROR; /* hardware would write stale buffer bytes */
+			return HM2_LBP16_ERROR_MEMORY; /* hardware would write stale buffer bytes */
 		if (status != HM2_OK || !width_allowed(&command))
-			return ETHERNET_PARSE_ERROR;
+			return HM2_LBP16_ERROR_PARSE;
 		fault = run(ethernet, &command, data, reply, reply_length);
 		if (fault)
 			return fault;
@@ -234,8 +235,8 @@ static int run_packet(struct hm2_ethernet *ethernet, const uint8_t *request, siz
 
 static void count_error(struct hm2_ethernet *ethernet, int fault)
 {
-	const int word = fault == ETHERNET_PARSE_ERROR    ? STATUS_PARSE_ERRORS
-	                 : fault == ETHERNET_MEMORY_ERROR ? STATUS_MEMORY_ERRORS
+	const int word = fault == HM2_LBP16_ERROR_PARSE    ? STATUS_PARSE_ERRORS
+	                 : fault == HM2_LBP16_ERROR_MEMORY ? STATUS_MEMORY_ERRORS
 	                                                  : STATUS_WRITE_ERRORS;
 
 	ethernet->status[STATUS_ERRORS] |= (uint16_t)fault;
@@ -262,7 +263,7 @@ static size_t packet(struct hm2_ethernet *ethernet, const uint8_t *request, size
 	int fault;
 
 	ethernet->status[STATUS_RX_ALL]++;
-	ethernet->information[0x18 / 2] = ethernet->information[0x1A / 2] = (uint16_t)start;
+	ethernet->information[HM2_LBP16_BOARD_RX_START / 2] = ethernet->information[HM2_LBP16_BOARD_RX_END / 2] = (uint16_t)start;
 	fault = run_packet(ethernet, request, length & ~(size_t)1, reply, &reply_length);
 	if (fault) {
 		count_error(ethernet, fault);
@@ -270,7 +271,7 @@ static size_t packet(struct hm2_ethernet *ethernet, const uint8_t *request, size
 	}
 	ethernet->status[STATUS_RX_LBP]++;
 	if (reply_length > HM2_LBP16_MAX_PAYLOAD) {
-		ethernet->status[STATUS_ERRORS] |= ETHERNET_TX_ERROR;
+		ethernet->status[STATUS_ERRORS] |= HM2_LBP16_ERROR_TX_SIZE;
 		ethernet->status[STATUS_TX_BAD]++;
 		return 0;
 	}
@@ -279,7 +280,7 @@ static size_t packet(struct hm2_ethernet *ethernet, const uint8_t *request, size
 
 		ethernet->status[STATUS_TX_ALL]++;
 		ethernet->status[STATUS_TX_LBP]++;
-		ethernet->information[0x1C / 2] = ethernet->information[0x1E / 2] = now;
+		ethernet->information[HM2_LBP16_BOARD_TX_START / 2] = ethernet->information[HM2_LBP16_BOARD_TX_END / 2] = now;
 		ethernet->status[STATUS_PACKET_TIME] = (uint16_t)(now - (uint16_t)start);
 	}
 	return reply_length;
@@ -295,7 +296,7 @@ size_t hm2_ethernet_process(struct hm2_ethernet *ethernet, const uint8_t *reques
 		if (length > HM2_LBP16_MAX_PAYLOAD) {
 			ethernet->status[STATUS_RX_ALL]++;
 			ethernet->status[STATUS_RX_BAD]++;
-			ethernet->status[STATUS_ERRORS] |= ETHERNET_RX_ERROR;
+			ethernet->status[STATUS_ERRORS] |= HM2_LBP16_ERROR_RX_FRAME;
 		} else {
 			enter(ethernet);
 			reply_length = packet(ethernet, request, length, reply, start);

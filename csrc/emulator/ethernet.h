@@ -5,45 +5,30 @@
 #include <pthread.h>
 
 #include "hm2.h"
+#include "registers.h"
 
-/* Outcome of one element access: 0, or the bit that goes into the error register (6:0x00). */
-enum {
-	ETHERNET_PARSE_ERROR = 0x01,
-	ETHERNET_MEMORY_ERROR = 0x02,
-	ETHERNET_WRITE_ERROR = 0x04,
-	ETHERNET_RX_ERROR = 0x08,
-	ETHERNET_TX_ERROR = 0x10,
-	ETHERNET_WAIT_ERROR = 0x20
-};
-
-enum {
-	ETHERNET_KEY_EEPROM = 0x5A02,
-	ETHERNET_KEY_FLASH = 0x5A03,
-	ETHERNET_KEY_FACTORY = 0x3602 /* MAC and name as well; the driver does not know it */
-};
-
-/* Word index = byte address / 2 of memory space 6. */
+/* Words of memory space 6. */
 enum ethernet_status_word {
-	STATUS_ERRORS,
-	STATUS_PARSE_ERRORS,
-	STATUS_MEMORY_ERRORS,
-	STATUS_WRITE_ERRORS,
-	STATUS_RX_ALL,
-	STATUS_RX_LBP,
-	STATUS_RX_BAD,
-	STATUS_TX_ALL,
-	STATUS_TX_LBP,
-	STATUS_TX_BAD,
-	STATUS_LED_MODE,
-	STATUS_LED_POINTER,
-	STATUS_PACKET_TIME,
-	STATUS_KEY,
-	STATUS_RESET,
-	STATUS_ICAP,
-	STATUS_WORDS
+	STATUS_ERRORS = HM2_LBP16_CONTROL_ERROR_FLAGS / 2,
+	STATUS_PARSE_ERRORS = HM2_LBP16_CONTROL_PARSE_ERRORS / 2,
+	STATUS_MEMORY_ERRORS = HM2_LBP16_CONTROL_MEMORY_ERRORS / 2,
+	STATUS_WRITE_ERRORS = HM2_LBP16_CONTROL_WRITE_ERRORS / 2,
+	STATUS_RX_ALL = HM2_LBP16_CONTROL_RX_PACKETS / 2,
+	STATUS_RX_LBP = HM2_LBP16_CONTROL_RX_LBP_PACKETS / 2,
+	STATUS_RX_BAD = HM2_LBP16_CONTROL_RX_BAD_PACKETS / 2,
+	STATUS_TX_ALL = HM2_LBP16_CONTROL_TX_PACKETS / 2,
+	STATUS_TX_LBP = HM2_LBP16_CONTROL_TX_LBP_PACKETS / 2,
+	STATUS_TX_BAD = HM2_LBP16_CONTROL_TX_BAD_PACKETS / 2,
+	STATUS_LED_MODE = HM2_LBP16_CONTROL_LED_MODE / 2,
+	STATUS_LED_POINTER = HM2_LBP16_CONTROL_LED_POINTER / 2,
+	STATUS_PACKET_TIME = HM2_LBP16_CONTROL_PACKET_TIME / 2,
+	STATUS_KEY = HM2_LBP16_CONTROL_WRITE_KEY / 2,
+	STATUS_RESET = HM2_LBP16_CONTROL_RESET / 2,
+	STATUS_ICAP = HM2_LBP16_CONTROL_ICAP / 2,
+	STATUS_WORDS = HM2_LBP16_CONTROL_SIZE / 2
 };
 
-#define ETHERNET_EEPROM_WORDS 64
+#define ETHERNET_EEPROM_WORDS (HM2_LBP16_EEPROM_SIZE / 2)
 #define ETHERNET_REGISTER_FILE 0x10000
 
 enum ethernet_flash_stream { FLASH_IDLE, FLASH_READING, FLASH_PROGRAMMING };
@@ -91,7 +76,7 @@ int64_t ethernet_now_us(void);
 /* The card's lock is let go meanwhile. */
 void ethernet_wait_us(struct hm2_ethernet *ethernet, int64_t us);
 
-/* One element of a memory space; address already checked against nothing. */
+/* One element of a memory space: 0, or the error flag (HM2_LBP16_ERROR_*) that it raises. */
 int ethernet_space_read(struct hm2_ethernet *ethernet, int space, uint16_t address, uint32_t *value);
 int ethernet_space_write(struct hm2_ethernet *ethernet, int space, uint16_t address, uint32_t value);
 int ethernet_info_read(struct hm2_ethernet *ethernet, int space, uint16_t address, uint32_t *value);

@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { FLASH_ADDRESS = 0x0, FLASH_DATA = 0x4, FLASH_ID = 0x8, FLASH_ERASE = 0xC };
-
 #define SECTOR 0x10000u
 #define PAGE 0x100u
 #define SYNC_SEARCH 64 /* a configuration stream's sync word comes within its first bytes */
@@ -91,45 +89,45 @@ int ethernet_flash_access_read(struct hm2_ethernet *ethernet, uint16_t address, 
 	struct ethernet_flash *flash = &ethernet->flash;
 
 	switch (address) {
-	case FLASH_ADDRESS:
+	case HM2_LBP16_FLASH_ADDRESS:
 		finish_stream(flash);
 		*value = flash->address;
 		return 0;
-	case FLASH_DATA:
+	case HM2_LBP16_FLASH_DATA:
 		*value = stream_read(flash);
 		return 0;
-	case FLASH_ID:
+	case HM2_LBP16_FLASH_ID:
 		finish_stream(flash);
 		*value = ethernet->config.flash_id;
 		return 0;
 	default:
-		return ETHERNET_MEMORY_ERROR;
+		return HM2_LBP16_ERROR_MEMORY;
 	}
 }
 
 int ethernet_flash_access_write(struct hm2_ethernet *ethernet, uint16_t address, uint32_t value)
 {
 	struct ethernet_flash *flash = &ethernet->flash;
-	const int unlocked = ethernet->status[STATUS_KEY] == ETHERNET_KEY_FLASH;
+	const int unlocked = ethernet->status[STATUS_KEY] == HM2_LBP16_KEY_FLASH;
 
 	switch (address) {
-	case FLASH_ADDRESS:
+	case HM2_LBP16_FLASH_ADDRESS:
 		finish_stream(flash);
 		flash->address = value & 0xFFFFFF;
 		return 0;
-	case FLASH_DATA:
-	case FLASH_ERASE:
+	case HM2_LBP16_FLASH_DATA:
+	case HM2_LBP16_FLASH_ERASE:
 		if (!unlocked)
-			return ETHERNET_WRITE_ERROR;
-		if (address == FLASH_DATA)
+			return HM2_LBP16_ERROR_WRITE;
+		if (address == HM2_LBP16_FLASH_DATA)
 			program(flash, value);
 		else
 			erase(ethernet);
 		return 0;
-	case FLASH_ID:
-		return ETHERNET_WRITE_ERROR;
+	case HM2_LBP16_FLASH_ID:
+		return HM2_LBP16_ERROR_WRITE;
 	default:
-		return ETHERNET_MEMORY_ERROR;
+		return HM2_LBP16_ERROR_MEMORY;
 	}
 }
 

@@ -3,8 +3,6 @@
 
 #include <string.h>
 
-#define INFO_BYTES 0x10
-
 struct space {
 	char name[9];
 	uint16_t sizes;  /* writable, type, allowed widths */
@@ -15,12 +13,12 @@ struct space {
 static const struct space spaces[8] = {
 	{"HostMot2", 0x8104, 0x0010, 0},
 	{"KSZ8851", 0x8102, 0x0008, 0x100},
-	{"EtherEEP", 0x8E02, 0x0007, 0x80},
+	{"EtherEEP", 0x8E02, 0x0007, HM2_LBP16_EEPROM_SIZE},
 	{"FPGAFlsh", 0x8F04, 0x8200, 0},
-	{"Timers", 0x8202, 0x0004, 0x20},
+	{"Timers", 0x8202, 0x0004, HM2_LBP16_TIMER_SIZE},
 	{"", 0, 0, 0},
-	{"LBP16RW", 0x8202, 0x0004, 0x20},
-	{"LBP16RO", 0x0202, 0x0004, 0x20},
+	{"LBP16RW", 0x8202, 0x0004, HM2_LBP16_CONTROL_SIZE},
+	{"LBP16RO", 0x0202, 0x0004, HM2_LBP16_BOARD_SIZE},
 };
 
 static int out_of_range(int space, uint16_t address)
@@ -31,7 +29,7 @@ static int out_of_range(int space, uint16_t address)
 int ethernet_space_read(struct hm2_ethernet *ethernet, int space, uint16_t address, uint32_t *value)
 {
 	if (out_of_range(space, address))
-		return ETHERNET_MEMORY_ERROR;
+		return HM2_LBP16_ERROR_MEMORY;
 	*value = 0;
 	switch (space) {
 	case 0: *value = ethernet->card.read(ethernet->card.self, address & 0xFFFCu); return 0;
@@ -41,16 +39,16 @@ int ethernet_space_read(struct hm2_ethernet *ethernet, int space, uint16_t addre
 	case 4: return ethernet_timer_read(ethernet, address, value);
 	case 6: return ethernet_status_read(ethernet, address, value);
 	case 7: *value = ethernet->information[address / 2]; return 0;
-	default: return ETHERNET_PARSE_ERROR;
+	default: return HM2_LBP16_ERROR_PARSE;
 	}
 }
 
 int ethernet_space_write(struct hm2_ethernet *ethernet, int space, uint16_t address, uint32_t value)
 {
 	if (space == 7)
-		return ETHERNET_WRITE_ERROR;
+		return HM2_LBP16_ERROR_WRITE;
 	if (out_of_range(space, address))
-		return ETHERNET_MEMORY_ERROR;
+		return HM2_LBP16_ERROR_MEMORY;
 	switch (space) {
 	case 0: ethernet->card.write(ethernet->card.self, address & 0xFFFCu, value); return 0;
 	case 1: return 0;
@@ -58,7 +56,7 @@ int ethernet_space_write(struct hm2_ethernet *ethernet, int space, uint16_t addr
 	case 3: return ethernet_flash_access_write(ethernet, address, value);
 	case 4: return ethernet_timer_write(ethernet, address, value);
 	case 6: return ethernet_status_write(ethernet, address, value);
-	default: return ETHERNET_PARSE_ERROR;
+	default: return HM2_LBP16_ERROR_PARSE;
 	}
 }
 
@@ -67,8 +65,8 @@ int ethernet_info_read(struct hm2_ethernet *ethernet, int space, uint16_t addres
 	const struct space *facts = &spaces[space];
 	char name[8] = {0};
 
-	if (address >= INFO_BYTES)
-		return ETHERNET_MEMORY_ERROR;
+	if (address >= HM2_LBP16_INFO_SIZE)
+		return HM2_LBP16_ERROR_MEMORY;
 	switch (address / 2) {
 	case 0: *value = 0x5A00u + (unsigned)space; return 0;
 	case 1: *value = facts->sizes; return 0;

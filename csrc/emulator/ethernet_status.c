@@ -1,19 +1,11 @@
 /* Timers and scratch words (space 4), control and status words (space 6), the configuration port. */
 #include "ethernet.h"
 
-enum {
-	TIMER_NOW = 0x00,
-	TIMER_WAIT = 0x02,
-	TIMER_TIMEOUT = 0x04,
-	TIMER_REFERENCE = 0x06, /* then timer lines 1..4 */
-	TIMER_LAST_LINE = 0x0E
-};
-
 /* Stall until the line's edge; what a read returns is how long that took. */
 static uint16_t wait_line(struct hm2_ethernet *ethernet, uint16_t address)
 {
-	const uint32_t timeout_us = ethernet->timers[TIMER_TIMEOUT / 2];
-	const int line = (address - TIMER_REFERENCE) / 2;
+	const uint32_t timeout_us = ethernet->timers[HM2_LBP16_TIMER_WAIT_LIMIT / 2];
+	const int line = (address - HM2_LBP16_TIMER_WAIT_REFERENCE) / 2; /* 0 reference, 1..4 */
 	int64_t waited = -1;
 
 	if (ethernet->card.wait_edge)
@@ -21,7 +13,7 @@ static uint16_t wait_line(struct hm2_ethernet *ethernet, uint16_t address)
 	else if (timeout_us)
 		ethernet_wait_us(ethernet, timeout_us);
 	if (waited < 0) {
-		ethernet->status[STATUS_ERRORS] |= ETHERNET_WAIT_ERROR;
+		ethernet->status[STATUS_ERRORS] |= HM2_LBP16_ERROR_WAIT_TIMEOUT;
 		waited = timeout_us;
 	}
 	ethernet->timers[address / 2] = (uint16_t)waited;
@@ -31,9 +23,9 @@ static uint16_t wait_line(struct hm2_ethernet *ethernet, uint16_t address)
 int ethernet_timer_read(struct hm2_ethernet *ethernet, uint16_t address, uint32_t *value)
 {
 	address &= 0x1E;
-	if (address == TIMER_NOW)
+	if (address == HM2_LBP16_TIMER_TIMESTAMP)
 		*value = (uint16_t)ethernet_now_us();
-	else if (address >= TIMER_REFERENCE && address <= TIMER_LAST_LINE)
+	else if (address >= HM2_LBP16_TIMER_WAIT_REFERENCE && address <= HM2_LBP16_TIMER_WAIT_TIMER_4)
 		*value = wait_line(ethernet, address);
 	else
 		*value = ethernet->timers[address / 2];
@@ -43,14 +35,14 @@ int ethernet_timer_read(struct hm2_ethernet *ethernet, uint16_t address, uint32_
 int ethernet_timer_write(struct hm2_ethernet *ethernet, uint16_t address, uint32_t value)
 {
 	address &= 0x1E;
-	if (address == TIMER_NOW)
+	if (address == HM2_LBP16_TIMER_TIMESTAMP)
 		return 0;
-	if (address >= TIMER_REFERENCE && address <= TIMER_LAST_LINE) {
+	if (address >= HM2_LBP16_TIMER_WAIT_REFERENCE && address <= HM2_LBP16_TIMER_WAIT_TIMER_4) {
 		wait_line(ethernet, address);
 		return 0;
 	}
 	ethernet->timers[address / 2] = (uint16_t)value;
-	if (address == TIMER_WAIT)
+	if (address == HM2_LBP16_TIMER_WAIT)
 		ethernet_wait_us(ethernet, (uint16_t)value);
 	return 0;
 }

@@ -11,6 +11,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from hostmot2 import errors, lbp16
 from hostmot2._core import ffi, lib
+from hostmot2.registers import Lbp16Board, Lbp16Space
 from hostmot2.transports.base import Transport
 
 LBP_VERSION = 3
@@ -173,5 +174,5 @@ def open_transport(url: str) -> Transport:
 
 
 def _identify(link: UdpLink) -> tuple[str, int]:
-    facts = link.exchange(lbp16.read(lbp16.INFORMATION, 0, 9))
+    facts = link.exchange(lbp16.read(Lbp16Space.BOARD, Lbp16Board.card_name.number, 9))
     return facts[:16].split(b"\0")[0].decode("ascii", "replace"), int.from_bytes(facts[16:18], "little")
