@@ -1,4 +1,5 @@
 /* Compiles declared fields into the plan that unpack and pack carry out. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -23,31 +24,29 @@ static int is_counter_part(const hm2_field *field)
 	return field->kind == HM2_FIELD_ENCODER_H || field->kind == HM2_FIELD_ENCODER_L;
 }
 
-static int unpack_kind(const hm2_field *field)
+static int counter_kind(const hm2_field *field)
 {
-	switch (field->kind) {
-	case HM2_FIELD_BITS:
-	case HM2_FIELD_STREAM: return HM2_UNPACK_RAW;
-	case HM2_FIELD_BOOLEAN: return HM2_UNPACK_BOOLEAN;
-	case HM2_FIELD_UNSIGNED: return HM2_UNPACK_UNSIGNED;
-	case HM2_FIELD_SIGNED: return field->bits <= 32 ? HM2_UNPACK_SIGNED : HM2_UNPACK_LONG_SIGNED;
-	case HM2_FIELD_FLOAT: return field->bits == 32 ? HM2_UNPACK_FLOAT : HM2_UNPACK_DOUBLE;
-	case HM2_FIELD_ENCODER: return HM2_UNPACK_COUNTER;
-	case HM2_FIELD_ENCODER_H: return field->partner < 0 ? HM2_UNPACK_COUNTER : HM2_UNPACK_NOTHING;
-	case HM2_FIELD_ENCODER_L: return field->partner < 0 ? HM2_UNPACK_COUNTER : HM2_UNPACK_COUNTER_LOW;
-	default: return -1;
-	}
+	if (field->direction != HM2_FIELD_INPUT)
+		return -1; /* takes room, is not written */
+	if (field->partner < 0)
+		return HM2_OPERATION_COUNTER;
+	return field->kind == HM2_FIELD_ENCODER_L ? HM2_OPERATION_COUNTER_LOW : HM2_OPERATION_NOTHING;
 }
 
-static int pack_kind(const hm2_field *field)
+/* What is done with a field; -1: nothing at all. */
+static int operation_kind(const hm2_field *field)
 {
+	int narrow = field->bits <= 32;
 	switch (field->kind) {
 	case HM2_FIELD_BITS:
-	case HM2_FIELD_STREAM: return HM2_PACK_RAW;
-	case HM2_FIELD_BOOLEAN: return HM2_PACK_BOOLEAN;
-	case HM2_FIELD_UNSIGNED: return HM2_PACK_UNSIGNED;
-	case HM2_FIELD_SIGNED: return field->bits <= 32 ? HM2_PACK_SIGNED : HM2_PACK_LONG_SIGNED;
-	case HM2_FIELD_FLOAT: return field->bits == 32 ? HM2_PACK_FLOAT : HM2_PACK_DOUBLE;
+	case HM2_FIELD_STREAM: return HM2_OPERATION_RAW;
+	case HM2_FIELD_BOOLEAN: return HM2_OPERATION_BOOLEAN;
+	case HM2_FIELD_UNSIGNED: return narrow ? HM2_OPERATION_UNSIGNED : HM2_OPERATION_LONG_UNSIGNED;
+	case HM2_FIELD_SIGNED: return narrow ? HM2_OPERATION_SIGNED : HM2_OPERATION_LONG_SIGNED;
+	case HM2_FIELD_FLOAT: return narrow ? HM2_OPERATION_FLOAT : HM2_OPERATION_DOUBLE;
+	case HM2_FIELD_ENCODER: return field->direction == HM2_FIELD_INPUT ? HM2_OPERATION_COUNTER : -1;
+	case HM2_FIELD_ENCODER_H:
+	case HM2_FIELD_ENCODER_L: return counter_kind(field);
 	default: return -1;
 	}
 }
@@ -55,7 +54,7 @@ static int pack_kind(const hm2_field *field)
 static int is_kind(int32_t kind)
 {
 	hm2_field field = {.kind = kind, .bits = 32, .partner = -1};
-	return kind == HM2_FIELD_PAD || unpack_kind(&field) >= 0;
+	return kind == HM2_FIELD_PAD || operation_kind(&field) >= 0;
 }
 
 /* The two parts of a counter name each other, lie in the same channel and fit into 64 bits together. */
@@ -133,7 +132,7 @@ static uint32_t add_unpack(struct hm2_process_data *data, const hm2_image *image
 {
 	for (size_t i = 0; i < data->field_count; i++) {
 		const hm2_field *field = &data->fields[i];
-		if (field->direction != HM2_FIELD_INPUT || unpack_kind(field) != kind)
+		if (field->direction != HM2_FIELD_INPUT || operation_kind(field) != kind)
 			continue;
 		data->operations[i] = next;
 		data->unpack[next++] = (hm2_unpack_operation){
@@ -147,25 +146,59 @@ static uint32_t add_unpack(struct hm2_process_data *data, const hm2_image *image
 	return next;
 }
 
-static uint32_t add_pack(struct hm2_process_data *data, const hm2_image *image, int kind, uint32_t next)
+/* A scale nothing can be divided by puts the output to rest, as an infinite one does. */
+static double usable(double scale)
+{
+	return scale == scale && scale != 0.0 ? scale : (double)INFINITY;
+}
+
+static uint32_t add_pack(struct hm2_process_data *data, int kind, uint32_t next)
 {
 	for (size_t i = 0; i < data->field_count; i++) {
 		const hm2_field *field = &data->fields[i];
-		if (field->direction != HM2_FIELD_OUTPUT || pack_kind(field) != kind)
+		if (field->direction != HM2_FIELD_OUTPUT || operation_kind(field) != kind)
 			continue;
 		data->operations[i] = next;
 		data->pack[next++] = (hm2_pack_operation){
-			.window = window_of(field, image),
 			.mask = hm2_low_bits(field->bits),
 			.invert = field->invert,
-			.scale = field->scale,
+			.scale = usable(field->scale),
 			.full = (double)hm2_low_bits(field->bits),
 			.low = field->low,
 			.high = field->high,
 			.field = (uint32_t)i,
+			.bits = field->bits,
 		};
 	}
 	return next;
+}
+
+/* The parts of all output fields that lie in one word. */
+static void add_word(struct hm2_process_data *data, const hm2_image *image, uint32_t word)
+{
+	size_t first = data->placement_count;
+	uint64_t written = 0;
+	for (size_t i = 0; i < data->field_count; i++) {
+		const hm2_field *field = &data->fields[i];
+		if (field->direction != HM2_FIELD_OUTPUT || data->operations[i] == HM2_NO_OPERATION)
+			continue;
+		hm2_window window = window_of(field, image);
+		int part = word == window.low ? 0 : word == window.middle ? 1 : word == window.top ? 2 : -1;
+		if (part < 0)
+			continue;
+		hm2_placement placement = {
+			.mask = hm2_low_bits(field->bits),
+			.invert = operation_kind(field) == HM2_OPERATION_RAW ? field->invert : 0,
+			.field = (uint32_t)i,
+			.left = part == 0 ? window.shift : 0,
+			.right = (uint16_t)(part == 0 ? 0 : 32 * part - window.shift),
+		};
+		written |= placement.mask << placement.left >> placement.right;
+		data->placements[data->placement_count++] = placement;
+	}
+	if (data->placement_count > first)
+		data->words[data->word_count++] =
+			(hm2_packed_word){word, ~(uint32_t)written, data->placements + data->placement_count};
 }
 
 static void compile(struct hm2_process_data *data, const hm2_image *inputs, const hm2_image *outputs)
@@ -173,15 +206,21 @@ static void compile(struct hm2_process_data *data, const hm2_image *inputs, cons
 	for (size_t i = 0; i < data->field_count; i++)
 		data->operations[i] = HM2_NO_OPERATION;
 	uint32_t next = 0;
-	for (int kind = 0; kind < HM2_UNPACK_KINDS; kind++)
-		data->unpack_end[kind] = next = add_unpack(data, inputs, kind, next);
+	for (int kind = 0; kind < HM2_OPERATION_KINDS; kind++) {
+		next = add_unpack(data, inputs, kind, next);
+		data->unpack_end[kind] = data->unpack + next;
+	}
 	for (uint32_t i = 0; i < next; i++) {
 		int32_t partner = data->fields[data->unpack[i].field].partner;
 		data->unpack[i].other = partner < 0 ? i : data->operations[partner];
 	}
 	next = 0;
-	for (int kind = 0; kind < HM2_PACK_KINDS; kind++)
-		data->pack_end[kind] = next = add_pack(data, outputs, kind, next);
+	for (int kind = 0; kind < HM2_OPERATION_KINDS; kind++) {
+		next = add_pack(data, kind, next);
+		data->pack_end[kind] = data->pack + next;
+	}
+	for (uint32_t word = 0; word < outputs->count; word++)
+		add_word(data, outputs, word);
 }
 
 static struct hm2_process_data *allocate(const hm2_field *fields, size_t count)
@@ -194,7 +233,9 @@ static struct hm2_process_data *allocate(const hm2_field *fields, size_t count)
 	data->operations = calloc(room, sizeof *data->operations);
 	data->unpack = calloc(room, sizeof *data->unpack);
 	data->pack = calloc(room, sizeof *data->pack);
-	if (!data->fields || !data->operations || !data->unpack || !data->pack) {
+	data->placements = calloc(3 * room, sizeof *data->placements);
+	data->words = calloc(3 * room, sizeof *data->words);
+	if (!data->fields || !data->operations || !data->unpack || !data->pack || !data->placements || !data->words) {
 		hm2_process_data_free(data);
 		return NULL;
 	}
@@ -239,6 +280,8 @@ void hm2_process_data_free(struct hm2_process_data *data)
 	free(data->operations);
 	free(data->unpack);
 	free(data->pack);
+	free(data->placements);
+	free(data->words);
 	free(data);
 }
 
@@ -254,10 +297,13 @@ int hm2_process_data_configure(struct hm2_process_data *data, size_t index, doub
 		data->unpack[at].scale = scale;
 		return HM2_OK;
 	}
-	data->pack[at].scale = scale;
+	data->pack[at].scale = usable(scale);
 	data->pack[at].low = low;
 	data->pack[at].high = high;
 	data->pack[at].invert = invert;
+	for (size_t i = 0; i < data->placement_count; i++)
+		if (data->placements[i].field == index && operation_kind(&data->fields[index]) == HM2_OPERATION_RAW)
+			data->placements[i].invert = invert;
 	return HM2_OK;
 }
 

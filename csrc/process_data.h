@@ -11,30 +11,21 @@ typedef struct hm2_window {
 	uint8_t bits;
 } hm2_window;
 
-/* What unpack does, one loop each: a run of equal operations needs no decisions per field. */
-enum hm2_unpack_kind {
-	HM2_UNPACK_RAW,
-	HM2_UNPACK_BOOLEAN,
-	HM2_UNPACK_UNSIGNED,
-	HM2_UNPACK_SIGNED,      /* up to 32 bits */
-	HM2_UNPACK_LONG_SIGNED, /* 33 to 64 bits */
-	HM2_UNPACK_FLOAT,
-	HM2_UNPACK_DOUBLE,
-	HM2_UNPACK_COUNTER,
-	HM2_UNPACK_COUNTER_LOW, /* the lower part of a counter in two parts; `other` finds the upper */
-	HM2_UNPACK_NOTHING,     /* the upper part: done with the lower */
-	HM2_UNPACK_KINDS
-};
-
-enum hm2_pack_kind {
-	HM2_PACK_RAW,
-	HM2_PACK_BOOLEAN,
-	HM2_PACK_UNSIGNED,
-	HM2_PACK_SIGNED,
-	HM2_PACK_LONG_SIGNED,
-	HM2_PACK_FLOAT,
-	HM2_PACK_DOUBLE,
-	HM2_PACK_KINDS
+/* What unpack and pack do, one loop each: a run of equal operations needs no decisions per field. Narrow is up
+ * to 32 bits, which never take more than two words. */
+enum hm2_operation_kind {
+	HM2_OPERATION_RAW,
+	HM2_OPERATION_BOOLEAN,
+	HM2_OPERATION_UNSIGNED, /* narrow */
+	HM2_OPERATION_SIGNED,   /* narrow */
+	HM2_OPERATION_LONG_UNSIGNED,
+	HM2_OPERATION_LONG_SIGNED,
+	HM2_OPERATION_FLOAT,
+	HM2_OPERATION_DOUBLE,
+	HM2_OPERATION_COUNTER,
+	HM2_OPERATION_COUNTER_LOW, /* the lower part of a counter in two parts; `other` finds the upper */
+	HM2_OPERATION_NOTHING,     /* the upper part: done with the lower */
+	HM2_OPERATION_KINDS
 };
 
 typedef struct hm2_unpack_operation {
@@ -49,26 +40,45 @@ typedef struct hm2_unpack_operation {
 	uint32_t other;    /* operation of the other part */
 } hm2_unpack_operation;
 
+/* From a value to raw bits. */
 typedef struct hm2_pack_operation {
-	hm2_window window;
 	uint64_t mask;
-	uint64_t invert;
-	double scale;
-	double full;
+	uint64_t invert; /* BOOLEAN */
+	double scale;    /* infinite where the user's cannot be divided by: the output rests */
+	double full;     /* UNSIGNED: 2^bits - 1 */
 	double low, high;
 	uint32_t field;
-	uint32_t unused;
+	uint32_t bits;
 } hm2_pack_operation;
+
+/* Raw bits of a field that go into one word: ((raw ^ invert) & mask) << left >> right. */
+typedef struct hm2_placement {
+	uint64_t mask;
+	uint64_t invert; /* BITS, STREAM */
+	uint32_t field;
+	uint16_t left, right;
+} hm2_placement;
+
+/* A word of the output image, put together in one go from all fields that have bits in it. */
+typedef struct hm2_packed_word {
+	uint32_t word;
+	uint32_t keep; /* bits nobody writes */
+	const hm2_placement *end;
+} hm2_packed_word;
 
 struct hm2_process_data {
 	const uint32_t *inputs;
 	uint32_t *outputs;
 	double *values;
 	uint64_t *raw;
-	uint32_t unpack_end[HM2_UNPACK_KINDS]; /* operations are sorted by kind */
-	uint32_t pack_end[HM2_PACK_KINDS];
-	hm2_unpack_operation *unpack;
+	hm2_unpack_operation *unpack; /* sorted by kind */
+	hm2_unpack_operation *unpack_end[HM2_OPERATION_KINDS];
 	hm2_pack_operation *pack;
+	hm2_pack_operation *pack_end[HM2_OPERATION_KINDS];
+	hm2_placement *placements; /* sorted by word */
+	size_t placement_count;
+	hm2_packed_word *words;
+	size_t word_count;
 	hm2_field *fields;
 	uint32_t *operations; /* of each field; HM2_NO_OPERATION for PAD and written counters */
 	size_t field_count;

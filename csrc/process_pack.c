@@ -3,120 +3,108 @@
 
 #include "process_data.h"
 
-/* Every value is masked and replaces exactly its own bits, so a neighbour is never disturbed. */
-static inline void window_put(uint32_t *words, const hm2_pack_operation *operation, uint64_t bits)
-{
-	const hm2_window *window = &operation->window;
-	uint32_t shift = window->shift;
-	uint64_t mask = operation->mask;
-	bits &= mask;
-	words[window->low] = (words[window->low] & ~(uint32_t)(mask << shift)) | (uint32_t)(bits << shift);
-	if (window->middle == window->low)
-		return;
-	mask >>= 32 - shift;
-	bits >>= 32 - shift;
-	words[window->middle] = (words[window->middle] & ~(uint32_t)mask) | (uint32_t)bits;
-	if (window->top == window->low)
-		return;
-	words[window->top] = (words[window->top] & ~(uint32_t)(mask >> 32)) | (uint32_t)(bits >> 32);
-}
-
 /* NaN compares false with both limits and stays NaN. */
-static inline double clamped(double value, const hm2_pack_operation *operation)
+static inline double clamped(double value, double low, double high)
 {
-	value = value < operation->low ? operation->low : value;
-	return value > operation->high ? operation->high : value;
+	value = low > value ? low : value;
+	return high < value ? high : value;
 }
 
-/* value / scale; 0.0 where that is not a number or the scale is 0, so that such an output is at rest. */
+/* The clamped value / scale; 0.0 where that is not a number, so that such an output is at rest. */
 static inline double portion(double value, const hm2_pack_operation *operation)
 {
-	double result = clamped(value, operation) / operation->scale;
-	return result == result && operation->scale != 0.0 ? result : 0.0;
+	double result = clamped(value, operation->low, operation->high) / operation->scale;
+	return result == result ? result : 0.0;
 }
 
-static inline uint64_t unsigned_bits(double scaled, const hm2_pack_operation *operation)
+static void pack_booleans(const struct hm2_process_data *data)
 {
-	if (!(scaled > 0.0))
-		return 0;
-	return scaled >= operation->full ? operation->mask : (uint64_t)scaled;
+	const hm2_pack_operation *operation = data->pack_end[HM2_OPERATION_RAW];
+	const hm2_pack_operation *end = data->pack_end[HM2_OPERATION_BOOLEAN];
+	for (; operation < end; operation++) {
+		double value = data->values[operation->field];
+		int on = value > 0.0 || value < 0.0; /* NaN is off */
+		data->raw[operation->field] = on != (operation->invert != 0) ? operation->mask : 0;
+	}
 }
 
-static inline uint64_t signed_bits(double scaled, const hm2_pack_operation *operation)
+static void pack_narrow(const struct hm2_process_data *data)
 {
-	int32_t aligned = scaled >= 2147483647.0    ? INT32_MAX
-	                  : scaled <= -2147483648.0 ? INT32_MIN
-	                                            : (int32_t)scaled;
-	return (uint64_t)(aligned >> (32 - operation->window.bits)) & operation->mask;
+	const double *values = data->values;
+	uint64_t *raw = data->raw;
+	const hm2_pack_operation *operation = data->pack_end[HM2_OPERATION_BOOLEAN];
+	const hm2_pack_operation *end = data->pack_end[HM2_OPERATION_UNSIGNED];
+	for (; operation < end; operation++) {
+		double scaled = portion(values[operation->field], operation) * operation->full;
+		raw[operation->field] = (uint64_t)(int64_t)clamped(scaled, 0.0, operation->full);
+	}
+	end = data->pack_end[HM2_OPERATION_SIGNED];
+	for (; operation < end; operation++) {
+		double scaled = portion(values[operation->field], operation) * 2147483647.0;
+		int32_t aligned = (int32_t)clamped(scaled, -2147483648.0, 2147483647.0);
+		raw[operation->field] = (uint64_t)(aligned >> (32 - operation->bits)) & operation->mask;
+	}
 }
 
-static inline uint64_t long_signed_bits(double scaled, const hm2_pack_operation *operation)
+/* 2^63 and 2^64 - 1 are not both doubles and in range: the upper limits need a comparison of their own. */
+static void pack_long(const struct hm2_process_data *data)
 {
-	int64_t aligned = scaled >= 9223372036854775808.0    ? INT64_MAX
-	                  : scaled <= -9223372036854775808.0 ? INT64_MIN
-	                                                     : (int64_t)scaled;
-	return (uint64_t)(aligned >> (64 - operation->window.bits)) & operation->mask;
-}
-
-static void pack_scaled(struct hm2_process_data *data, const hm2_pack_operation *operation)
-{
-	const hm2_pack_operation *end = data->pack + data->pack_end[HM2_PACK_UNSIGNED];
+	const hm2_pack_operation *operation = data->pack_end[HM2_OPERATION_SIGNED];
+	const hm2_pack_operation *end = data->pack_end[HM2_OPERATION_LONG_UNSIGNED];
 	for (; operation < end; operation++) {
 		double scaled = portion(data->values[operation->field], operation) * operation->full;
-		uint64_t bits = unsigned_bits(scaled, operation);
-		data->raw[operation->field] = bits;
-		window_put(data->outputs, operation, bits);
+		data->raw[operation->field] = scaled >= operation->full ? operation->mask
+		                              : scaled > 0.0            ? (uint64_t)scaled
+		                                                        : 0;
 	}
-	end = data->pack + data->pack_end[HM2_PACK_SIGNED];
-	for (; operation < end; operation++) {
-		double scaled = portion(data->values[operation->field], operation) * 2147483647.0;
-		uint64_t bits = signed_bits(scaled, operation);
-		data->raw[operation->field] = bits;
-		window_put(data->outputs, operation, bits);
-	}
-	end = data->pack + data->pack_end[HM2_PACK_LONG_SIGNED];
+	end = data->pack_end[HM2_OPERATION_LONG_SIGNED];
 	for (; operation < end; operation++) {
 		double scaled = portion(data->values[operation->field], operation) * 9223372036854775808.0;
-		uint64_t bits = long_signed_bits(scaled, operation);
-		data->raw[operation->field] = bits;
-		window_put(data->outputs, operation, bits);
+		int64_t aligned = scaled >= 9223372036854775808.0 ? INT64_MAX
+		                                                  : (int64_t)clamped(scaled, -9223372036854775808.0, scaled);
+		data->raw[operation->field] = (uint64_t)(aligned >> (64 - operation->bits)) & operation->mask;
 	}
 }
 
-static void pack_floats(struct hm2_process_data *data, const hm2_pack_operation *operation)
+static void pack_floats(const struct hm2_process_data *data)
 {
-	const hm2_pack_operation *end = data->pack + data->pack_end[HM2_PACK_FLOAT];
+	const hm2_pack_operation *operation = data->pack_end[HM2_OPERATION_LONG_SIGNED];
+	const hm2_pack_operation *end = data->pack_end[HM2_OPERATION_FLOAT];
 	for (; operation < end; operation++) {
-		float value = (float)clamped(data->values[operation->field], operation);
+		float value = (float)clamped(data->values[operation->field], operation->low, operation->high);
 		uint32_t bits;
 		memcpy(&bits, &value, sizeof bits);
 		data->raw[operation->field] = bits;
-		window_put(data->outputs, operation, bits);
 	}
-	end = data->pack + data->pack_end[HM2_PACK_DOUBLE];
+	end = data->pack_end[HM2_OPERATION_DOUBLE];
 	for (; operation < end; operation++) {
-		double value = clamped(data->values[operation->field], operation);
-		uint64_t bits;
-		memcpy(&bits, &value, sizeof bits);
-		data->raw[operation->field] = bits;
-		window_put(data->outputs, operation, bits);
+		double value = clamped(data->values[operation->field], operation->low, operation->high);
+		memcpy(&data->raw[operation->field], &value, sizeof value);
+	}
+}
+
+/* Every word is put together in a register and stored once. Each value is masked, so a neighbour is never
+ * disturbed, and bits of nobody stay as they are. */
+static void place(const struct hm2_process_data *data)
+{
+	uint32_t *image = data->outputs;
+	const uint64_t *raw = data->raw;
+	const hm2_placement *placement = data->placements;
+	const hm2_packed_word *end = data->words + data->word_count;
+	for (const hm2_packed_word *word = data->words; word < end; word++) {
+		uint64_t bits = image[word->word] & word->keep;
+		for (; placement < word->end; placement++)
+			bits |= ((raw[placement->field] ^ placement->invert) & placement->mask) << placement->left >>
+			        placement->right;
+		image[word->word] = (uint32_t)bits;
 	}
 }
 
 void hm2_process_data_pack(struct hm2_process_data *data)
 {
-	const hm2_pack_operation *operation = data->pack;
-	const hm2_pack_operation *end = data->pack + data->pack_end[HM2_PACK_RAW];
-	for (; operation < end; operation++)
-		window_put(data->outputs, operation, data->raw[operation->field] ^ operation->invert);
-	end = data->pack + data->pack_end[HM2_PACK_BOOLEAN];
-	for (; operation < end; operation++) {
-		double value = data->values[operation->field];
-		int on = value > 0.0 || value < 0.0; /* NaN is off */
-		uint64_t bits = (on != 0) != (operation->invert != 0) ? operation->mask : 0;
-		data->raw[operation->field] = bits;
-		window_put(data->outputs, operation, bits);
-	}
-	pack_scaled(data, operation);
-	pack_floats(data, data->pack + data->pack_end[HM2_PACK_LONG_SIGNED]);
+	pack_booleans(data);
+	pack_narrow(data);
+	pack_long(data);
+	pack_floats(data);
+	place(data);
 }

@@ -1,0 +1,1 @@
+"""Benchmarks: ours beside others' in one process, round by round, as ratios that survive a noisy machine."""

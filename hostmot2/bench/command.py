@@ -1,0 +1,66 @@
+"""The command line of the benchmarks: `hm2 bench` and `python -m hostmot2.bench`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import click
+
+from hostmot2.bench import host
+from hostmot2.bench.report import Report, compare, document
+
+# name: module with `run(count: int | None) -> Report`, what it measures
+BENCHMARKS = {
+    "pack": ("hostmot2.bench.pack", "process data: unpack, pack and bulk decode beside other packages"),
+}
+
+
+def run_benchmark(name: str, count: int | None = None) -> Report:
+    """Run one benchmark. KeyError: no such. ImportError: what it needs is not installed."""
+    run: Callable[[int | None], Report] = import_module(BENCHMARKS[name][0]).run
+    return run(count)
+
+
+@click.command(help="Measure. " + " ".join(f"{name}: {text}." for name, (_, text) in BENCHMARKS.items()))
+@click.argument("names", nargs=-1, type=click.Choice(list(BENCHMARKS)), metavar="[NAME]...")
+@click.option("--count", type=click.IntRange(min=1), help="Rounds or cycles; each benchmark has its default.")
+@click.option("-o", "output", type=click.Path(dir_okay=False, path_type=Path), help="Write JSON here.")
+@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), help="Draw the histograms here.")
+@click.option(
+    "--compare",
+    "old",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Show figures relative to an earlier JSON.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of tables.")
+def bench(
+    names: tuple[str, ...],
+    count: int | None,
+    output: Path | None,
+    plot: Path | None,
+    old: Path | None,
+    as_json: bool,
+) -> None:
+    """Run the benchmarks named, all without a name."""
+    facts = host.facts()
+    with host.quiet() as scheduling:
+        reports = [run_benchmark(name, count) for name in names or BENCHMARKS]
+    found = document(reports, facts, scheduling)
+    if output:
+        output.write_text(json.dumps(found, indent=1) + "\n")
+    if plot:
+        from hostmot2.bench.picture import draw  # matplotlib is an extra
+
+        draw(reports, plot)
+    if as_json:
+        click.echo(json.dumps(found, indent=1))
+        return
+    click.echo("  ".join(f"{key} {value}" for key, value in facts.items()))
+    click.echo(scheduling)
+    for report in reports:
+        click.echo(f"\n{report}")
+    if old:
+        click.echo(f"\n{compare(reports, old)}")
