@@ -1,7 +1,7 @@
 # Every target sets itself up: a virtual environment in .venv, the extension built in place.
 VENV    := .venv
 PY      := $(VENV)/bin/python
-CORE    := $(shell find csrc -name '*.c' -o -name '*.h')
+CORE    := $(shell find csrc -name '*.c' -o -name '*.h') hostmot2/_bound.c
 EXT     := hostmot2/_core.abi3.so
 FUZZ_SECONDS ?= 60
 
@@ -48,5 +48,5 @@ registers: $(VENV)/ready-dev
 	@$(PY) registers/generate.py
 
 clean:
-	rm -rf build dist site *.egg-info $(EXT) hostmot2/_core.c
+	rm -rf build dist site *.egg-info hostmot2/*.so hostmot2/_core.c
 	[ -L $(VENV) ] || rm -rf $(VENV)

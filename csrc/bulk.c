@@ -55,23 +55,37 @@ static int may_fuse(const hm2_column *column)
 	return column->bits <= 32 && magnitude > 1e-200 && magnitude < 1e200;
 }
 
-INLINE void get_narrow(block *at, const hm2_column *column, uint32_t word, uint32_t shift)
+/* Where a field of up to 32 bits lies in the rows. */
+typedef struct narrow {
+	const uint32_t *low, *high; /* the same row if one word holds it all */
+	uint32_t shift, mask;
+} narrow;
+
+static inline narrow narrow_of(const block *at, const hm2_column *column, uint32_t word)
 {
-	const uint32_t *restrict low = at->rows[word];
-	uint32_t *restrict raw = at->narrow;
-	uint32_t mask = (uint32_t)hm2_low_bits(column->bits);
-	if (shift + column->bits <= 32) {
-		for (size_t i = 0; i < at->count; i++)
-			raw[i] = low[i] >> shift & mask;
-		return;
-	}
-	const uint32_t *restrict high = at->rows[word + column->word_stride];
-	for (size_t i = 0; i < at->count; i++)
-		raw[i] = (low[i] >> shift | high[i] << (32 - shift)) & mask;
+	uint32_t shift = column->offset % 32;
+	uint32_t next = shift + column->bits > 32 ? word + column->word_stride : word;
+	return (narrow){at->rows[word], at->rows[next], shift, (uint32_t)hm2_low_bits(column->bits)};
 }
 
-INLINE void get_wide(block *at, const hm2_column *column, uint32_t word, uint32_t shift)
+/* One expression for one word and for two: what a single word contributes twice lies above the mask. */
+#define NARROW(i) ((low[i] >> shift | high[i] << 1 << (31 - shift)) & mask)
+#define NARROW_ROWS(from)                                         \
+	const uint32_t *restrict low = (from).low;                     \
+	const uint32_t *restrict high = (from).high;                   \
+	uint32_t shift = (from).shift, mask = (from).mask
+
+INLINE void get_narrow(block *at, narrow from)
 {
+	NARROW_ROWS(from);
+	uint32_t *restrict raw = at->narrow;
+	for (size_t i = 0; i < at->count; i++)
+		raw[i] = NARROW(i);
+}
+
+INLINE void get_wide(block *at, const hm2_column *column, uint32_t word)
+{
+	uint32_t shift = column->offset % 32;
 	const uint32_t *restrict low = at->rows[word];
 	const uint32_t *restrict middle = at->rows[word + column->word_stride];
 	uint64_t *restrict raw = at->wide;
@@ -85,25 +99,27 @@ INLINE void get_wide(block *at, const hm2_column *column, uint32_t word, uint32_
 		raw[i] = (raw[i] | (uint64_t)top[i] << (64 - shift)) & mask;
 }
 
-INLINE void scale_narrow(block *at, const hm2_column *column, int fused)
+INLINE void scale_signed(block *at, const hm2_column *column, narrow from, int fused)
 {
-	const uint32_t *restrict raw = at->narrow;
+	NARROW_ROWS(from);
 	double *restrict values = at->values;
-	double scale = column->scale;
-	if (column->kind == HM2_FIELD_SIGNED) {
-		uint32_t align = 32 - column->bits;
-		for (size_t i = 0; i < at->count; i++)
-			values[i] = divided((double)(int32_t)(raw[i] << align), 2147483647.0, 1.0 / 2147483647.0, fused) * scale;
-		return;
-	}
-	double full = (double)hm2_low_bits(column->bits);
-	double reciprocal = 1.0 / full;
+	double scale = column->scale, full = 2147483647.0, reciprocal = 1.0 / full;
+	uint32_t align = 32 - column->bits;
+	for (size_t i = 0; i < at->count; i++)
+		values[i] = divided((double)(int32_t)(NARROW(i) << align), full, reciprocal, fused) * scale;
+}
+
+INLINE void scale_unsigned(block *at, const hm2_column *column, narrow from, int fused)
+{
+	NARROW_ROWS(from);
+	double *restrict values = at->values;
+	double scale = column->scale, full = mask, reciprocal = 1.0 / full;
 	if (column->bits == 32)
 		for (size_t i = 0; i < at->count; i++)
-			values[i] = divided((double)raw[i] * scale, full, reciprocal, fused);
+			values[i] = divided((double)NARROW(i) * scale, full, reciprocal, fused);
 	else /* conversion of a signed int is an instruction everywhere */
 		for (size_t i = 0; i < at->count; i++)
-			values[i] = divided((double)(int32_t)raw[i] * scale, full, reciprocal, fused);
+			values[i] = divided((double)(int32_t)NARROW(i) * scale, full, reciprocal, fused);
 }
 
 INLINE void scale_wide(block *at, const hm2_column *column)
@@ -122,27 +138,39 @@ INLINE void scale_wide(block *at, const hm2_column *column)
 		values[i] = (double)raw[i] * scale / full;
 }
 
-INLINE void widen_floats(block *at)
+INLINE void widen_floats(block *at, narrow from)
 {
+	NARROW_ROWS(from);
 	for (size_t i = 0; i < at->count; i++) {
+		uint32_t word = NARROW(i);
 		float value;
-		memcpy(&value, &at->narrow[i], sizeof value);
+		memcpy(&value, &word, sizeof value);
 		at->values[i] = (double)value;
 	}
 }
 
-INLINE void get_values(block *at, const hm2_column *column, int fused)
+INLINE void get_values(block *at, const hm2_column *column, uint32_t word, int fused)
 {
-	if (column->kind == HM2_FIELD_FLOAT && column->bits == 64)
-		memcpy(at->values, at->wide, at->count * sizeof at->values[0]);
-	else if (column->kind == HM2_FIELD_FLOAT)
-		widen_floats(at);
-	else if (column->bits > 32)
-		scale_wide(at, column);
-	else if (fused && may_fuse(column))
-		scale_narrow(at, column, 1);
+	if (column->bits > 32) {
+		get_wide(at, column, word);
+		if (column->kind == HM2_FIELD_FLOAT)
+			memcpy(at->values, at->wide, at->count * sizeof at->values[0]);
+		else
+			scale_wide(at, column);
+		return;
+	}
+	narrow from = narrow_of(at, column, word);
+	fused = fused && may_fuse(column);
+	if (column->kind == HM2_FIELD_FLOAT)
+		widen_floats(at, from);
+	else if (column->kind == HM2_FIELD_SIGNED && fused)
+		scale_signed(at, column, from, 1);
+	else if (column->kind == HM2_FIELD_SIGNED)
+		scale_signed(at, column, from, 0);
+	else if (fused)
+		scale_unsigned(at, column, from, 1);
 	else
-		scale_narrow(at, column, 0);
+		scale_unsigned(at, column, from, 0);
 }
 
 INLINE void round_values(block *at)
@@ -161,10 +189,26 @@ INLINE void get_truths(block *at, int wide)
 			at->truths[i] = at->narrow[i] != 0;
 }
 
-INLINE void widen_words(block *at)
+/* Raw bits, or whether there are any. Gives where they are. */
+INLINE const void *get_raw(block *at, const hm2_column *column, uint32_t word)
 {
-	for (size_t i = 0; i < at->count; i++)
-		at->wide[i] = at->narrow[i];
+	int wide = column->bits > 32;
+	if (column->type == HM2_COLUMN_U32 && column->bits == 32 && column->offset % 32 == 0)
+		return at->rows[word];
+	if (wide)
+		get_wide(at, column, word);
+	else
+		get_narrow(at, narrow_of(at, column, word));
+	if (column->type == HM2_COLUMN_U8) {
+		get_truths(at, wide);
+		return at->truths;
+	}
+	if (column->type == HM2_COLUMN_U32)
+		return at->narrow;
+	if (!wide)
+		for (size_t i = 0; i < at->count; i++)
+			at->wide[i] = at->narrow[i];
+	return at->wide;
 }
 
 /* Past the cache if the whole output would not fit there anyway: the lines need not be read before they are
@@ -188,44 +232,21 @@ static void put(uint8_t *to, const void *from, size_t size, int past_cache)
 	memcpy(to, from, size);
 }
 
-INLINE void put_column(block *at, const hm2_column *column, size_t first, int wide, int fused)
-{
-	const void *source = wide ? (const void *)at->wide : at->narrow;
-	size_t size = sizes[column->type];
-	switch (column->type) {
-	case HM2_COLUMN_F64:
-		get_values(at, column, fused);
-		source = at->values;
-		break;
-	case HM2_COLUMN_F32:
-		get_values(at, column, fused);
-		round_values(at);
-		source = at->rounded;
-		break;
-	case HM2_COLUMN_U8:
-		get_truths(at, wide);
-		source = at->truths;
-		break;
-	case HM2_COLUMN_U64:
-		if (!wide)
-			widen_words(at);
-		source = at->wide;
-		break;
-	default: break;
-	}
-	put((uint8_t *)column->data + first * size, source, at->count * size, at->past_cache);
-}
-
 INLINE void decode_columns(block *at, const hm2_column *columns, size_t count, size_t first, int fused)
 {
 	for (const hm2_column *column = columns; column < columns + count; column++) {
 		uint32_t word = column->first_word + column->offset / 32 * column->word_stride;
-		int wide = column->bits > 32;
-		if (wide)
-			get_wide(at, column, word, column->offset % 32);
+		size_t size = sizes[column->type];
+		const void *source = at->values;
+		if (column->type == HM2_COLUMN_F64 || column->type == HM2_COLUMN_F32)
+			get_values(at, column, word, fused);
 		else
-			get_narrow(at, column, word, column->offset % 32);
-		put_column(at, column, first, wide, fused);
+			source = get_raw(at, column, word);
+		if (column->type == HM2_COLUMN_F32) {
+			round_values(at);
+			source = at->rounded;
+		}
+		put((uint8_t *)column->data + first * size, source, at->count * size, at->past_cache);
 	}
 }
 

@@ -18,6 +18,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
+from hostmot2._bound import bind
 from hostmot2._core import ffi, lib
 from hostmot2.bulk import Columns, Records, Source, decode
 from hostmot2.elements import Bits, Elements, Inputs, Outputs
@@ -74,9 +75,8 @@ class ProcessData:
         self._values = cast("memoryview[float]", self.values.data)
         self._raw = self.raw.data
         self._plan = self._compile()
-        # bound once: the cheapest call there is from Python into the core
-        self.unpack: Callable[[], None] = partial(lib.hm2_process_data_unpack, self._plan)
-        self.pack: Callable[[], None] = partial(lib.hm2_process_data_pack, self._plan)
+        self.unpack = self._bind("hm2_process_data_unpack")
+        self.pack = self._bind("hm2_process_data_pack")
         self.inputs = {channel: Inputs(self, channel, Direction.INPUT) for channel in self.layouts}
         self.outputs = {channel: Outputs(self, channel, Direction.OUTPUT) for channel in self.layouts}
 
@@ -113,6 +113,11 @@ class ProcessData:
                 scaling = self._scalings[index]
                 sources.append(Source(prefix + element.name, row, element, scaling, partner))
         return sources
+
+    def _bind(self, name: str) -> Callable[[], None]:
+        """A call that takes the time of the work: handing over the interpreter lock would take longer."""
+        function = int(ffi.cast("uintptr_t", ffi.addressof(lib, name)))
+        return bind(function, int(ffi.cast("uintptr_t", self._plan)), self._plan)
 
     def _compile(self) -> Any:
         first = {channel: 0 for channel in self.layouts}

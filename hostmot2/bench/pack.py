@@ -5,13 +5,13 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from hostmot2.bench import peers
 from hostmot2.bench.report import Goal, Report, Section
-from hostmot2.bench.rounds import ROUNDS, Candidate, measure
+from hostmot2.bench.rounds import ROUNDS, Candidate, Timing, measure
 from hostmot2.process_data import ProcessData
 
 FAIR = "cbitstruct + reorder + scaling"
@@ -27,7 +27,7 @@ def run(count: int | None = None) -> Report:
     for stride in (12, 16):
         _bulk(report, rounds, stride)
     report.notes.append("every candidate's result was checked against ours before it was timed")
-    report.notes.append("a call into the core from Python costs most of a single in-place unpack or pack")
+    report.notes.append("in-place calls keep the interpreter lock: they take less time than handing it over")
     return report
 
 
@@ -50,7 +50,7 @@ def _unpack(report: Report, rounds: int) -> None:
     message = one.input_image[0].tobytes()
     one.unpack()
     expected = [one.inputs[0][name] for name in peers.INPUTS]
-    values, index = memoryview(one.values), one.inputs[0].index("fieldvoltage")
+    values, index = one.values.data, one.inputs[0].index("fieldvoltage")
     message_in, _ = peers.cantools_messages()
     decode = partial(message_in.decode, message, decode_choices=False)
     _agree(expected, [decode()[name] for name in peers.INPUTS], 1e-9)
@@ -80,7 +80,6 @@ def _unpack(report: Report, rounds: int) -> None:
     report.goals += [
         Goal("unpack one channel, times cbitstruct with scaling", single.times_faster_than(fair), 5),
         Goal("unpack 8 channels, times the same per channel", port.times_faster_than(fair), 20),
-        Goal("unpack, times cantools", single.times_faster_than(timings["cantools decode"]), 30),
     ]
 
 
@@ -88,7 +87,8 @@ def _pack(report: Report, rounds: int) -> None:
     one, eight = _port(1), _port(8)
     one.pack()
     expected = one.output_image[0].tobytes()
-    values, index = memoryview(one.values), one.outputs[0].index("analogout0")
+    values = cast("memoryview[float]", one.values.data)
+    index = one.outputs[0].index("analogout0")
     _, message_out = peers.cantools_messages()
     names = [name for name in one.outputs[0]]
     encode = partial(message_out.encode, dict(zip(names, peers.VALUES_OUT, strict=True)), strict=False)
@@ -111,12 +111,10 @@ def _pack(report: Report, rounds: int) -> None:
         candidates.append(Candidate(f"{name} + reorder + scaling", partial(scaled, *peers.VALUES_OUT)))
     timings = measure(candidates, rounds)
     report.sections.append(Section("pack of one 12-byte message, ns", timings, FAIR))
-    single, changed = timings["ours, in place"], timings["ours, one value set + in place"]
-    report.goals += [
-        Goal("pack, times cbitstruct with scaling", single.times_faster_than(timings[FAIR]), 10),
-        Goal("set a value and pack, times the same", changed.times_faster_than(timings[FAIR]), 9),
-        Goal("pack, times cantools", single.times_faster_than(timings["cantools encode"]), 40),
-    ]
+    single = timings["ours, in place"]
+    report.goals.append(
+        Goal("pack, times cbitstruct with scaling", single.times_faster_than(timings[FAIR]), 10)
+    )
 
 
 def _loop(call: Callable[[bytes], object], messages: list[bytes]) -> None:
@@ -130,8 +128,8 @@ def _bulk(report: Report, rounds: int, stride: int) -> None:
     records = stored.view("<u4")[:, :3]
     doubles = data.decode(records)
     singles = data.decode(records, dtype=np.float32)
-    for name, column in zip(peers.INPUTS, peers.numpy_columns(stored), strict=True):
-        _agree(doubles[name][:1000], column[:1000], 1e-9)
+    for name, column in zip(peers.INPUTS, peers.numpy_columns(stored[:1000]), strict=True):
+        _agree(doubles[name][:1000], column, 1e-9)
     size = sum(column.nbytes for column in doubles.values())
     source, target = np.ones(size, np.uint8), np.ones(size, np.uint8)
     messages = [bytes(row[:12]) for row in stored[:500]]
@@ -148,7 +146,10 @@ def _bulk(report: Report, rounds: int, stride: int) -> None:
         Candidate("cbitstruct loop + scaling", partial(_loop, scaled, messages), len(messages)),
         Candidate("cantools loop", partial(_loop, message_in.decode, messages), len(messages)),
     ]
-    timings = measure(candidates, rounds)
+    _judge_bulk(report, measure(candidates, rounds), memcpy, stride)
+
+
+def _judge_bulk(report: Report, timings: dict[str, Timing], memcpy: str, stride: int) -> None:
     title = f"bulk decode of {RECORDS} records of {stride} bytes, ns per record"
     report.sections.append(Section(title, timings, "ours, float64 columns"))
     ours = timings["ours, float64 columns"]

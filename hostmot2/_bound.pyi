@@ -1,0 +1,3 @@
+from collections.abc import Callable
+
+def bind(function: int, context: int, owner: object) -> Callable[[], None]: ...
