@@ -13,6 +13,7 @@ from typing import Any
 
 from hostmot2 import boards, errors
 from hostmot2._core import ffi, lib
+from hostmot2.pin_names import pin_function
 from hostmot2.registers import MODULES, Gtag
 
 ReadWords = Callable[[int, int], Sequence[int]]
@@ -148,6 +149,11 @@ class PinDescriptor:
     def module(self) -> str:
         """The name of the module the pin can be switched to, "" for GPIO only."""
         return gtag_name(self.secondary_gtag) if self.secondary_gtag else ""
+
+    @property
+    def function(self) -> str:
+        """The module function's name, such as "step" or "tx 2" (channel or number counted from 0)."""
+        return pin_function(self.secondary_gtag, self.secondary_pin)
 
     @property
     def word(self) -> int:

@@ -600,6 +600,24 @@ def test_every_row_of_the_board_table_can_be_reached() -> None:
         assert len(row.connectors) == row.io_ports
 
 
+@pytest.mark.parametrize(
+    ("word", "function"),
+    [
+        (0x0300C193, "tx_enable 2"), (0x0300C183, "tx 2"), (0x0300C101, "rx 0"), (0x0300C1A4, "ntx_enable 3"),
+        (0x0300C60F, "rx 14"), (0x03000D81, "select 0"), (0x03000C01, "a"), (0x03000C03, "index"),
+        (0x03800405, "probe"), (0x03000581, "step"), (0x03000582, "direction"), (0x03000501, "index"),
+        (0x03000509, "index"), (0x03000683, "not_enable"), (0x03001A83, "timer 1"), (0x0300C386, "out 5"),
+        (0x0300C3A0, "ac_reference"), (0x03002320, "in 31"), (0x0300C510, "positive 15"),
+        (0x0300C511, "negative 0"), (0x03001E85, "address 4"), (0x03000E8C, "select 7"), (0x0300068F, "pin 0x8F"),
+        (0x03007F01, "pin 0x01"), (0x03000000, ""),
+    ],
+)  # fmt: skip
+def test_pin_functions_have_the_names_of_the_register_description(word: int, function: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", HostMot2Warning)
+        assert inventory(good(pins={4: word})).pins[4].function == function
+
+
 def test_a_longer_name_is_not_taken_for_a_shorter() -> None:
     assert boards.find("7I92T") is not boards.find("7I92")
     assert boards.find("7I92TX") is None

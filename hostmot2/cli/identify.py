@@ -73,10 +73,18 @@ def pins(session: Session) -> None:
     with session.board() as board:
         lines = [(pin.index, _connector(pin), *_function(pin)) for pin in board.pins]
         document = [
-            asdict(pin) | {"module": pin.module, "is_output": pin.is_output, "shared": pin.shared}
+            asdict(pin)
+            | {
+                "module": pin.module,
+                "function": pin.function,
+                "is_output": pin.is_output,
+                "shared": pin.shared,
+            }
             for pin in board.pins
         ]
-        session.report(document, rows(("I/O", "connector", "module", "instance", "pin", "direction"), lines))
+        session.report(
+            document, rows(("I/O", "connector", "module", "instance", "function", "direction"), lines)
+        )
 
 
 def _connector(pin: PinDescriptor) -> str:
@@ -89,4 +97,4 @@ def _function(pin: PinDescriptor) -> tuple[object, ...]:
     if not pin.secondary_gtag:
         return "gpio", None, None, None
     instance = "all" if pin.shared else pin.secondary_unit
-    return pin.module, instance, f"0x{pin.secondary_pin:02X}", "out" if pin.is_output else "in"
+    return pin.module, instance, pin.function, "out" if pin.is_output else "in"
