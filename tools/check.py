@@ -72,19 +72,36 @@ def last_line(output: str) -> str:
 
 
 def clang() -> None:
-    """clang with its sanitizer runtime, installed if that is possible; else Skipped."""
+    """clang with its fuzzer runtime, installed if that is possible; else Skipped with the reason."""
     with CLANG:
-        if not shutil.which("clang") and os.geteuid() == 0 and shutil.which("apt-get"):
-            subprocess.run(["apt-get", "update", "-qq"], capture_output=True, check=False)
-            command = ["apt-get", "install", "-y", "-qq", "--no-install-recommends", "clang"]
-            subprocess.run(
-                command,
-                capture_output=True,
-                check=False,
-                env=os.environ | {"DEBIAN_FRONTEND": "noninteractive"},
-            )
-        if not shutil.which("clang"):
-            raise Skipped("no clang, and it could not be installed by apt-get as root")
+        reason = clang_missing()
+        if reason and os.geteuid() == 0 and shutil.which("apt-get"):
+            apt("update")
+            # where the runtime has no package of its own it comes with clang
+            if not apt("install", "-y", "clang", "libclang-rt-dev"):
+                apt("install", "-y", "clang")
+            reason = clang_missing()
+        if reason:
+            raise Skipped(f"{reason}, and apt-get as root could not install it")
+
+
+def apt(*arguments: str) -> bool:
+    """Runs apt-get; whether it worked."""
+    env = os.environ | {"DEBIAN_FRONTEND": "noninteractive"}
+    return (
+        subprocess.run(["apt-get", "-qq", *arguments], capture_output=True, check=False, env=env).returncode
+        == 0
+    )
+
+
+def clang_missing() -> str:
+    """What keeps clang from building a fuzz target; nothing if it can."""
+    if not shutil.which("clang"):
+        return "there is no clang"
+    program = "int LLVMFuzzerTestOneInput(void); int LLVMFuzzerTestOneInput(void) { return 0; }"
+    command = ["clang", "-fsanitize=fuzzer,address,undefined", "-x", "c", "-", "-o", os.devnull]
+    built = subprocess.run(command, input=program, capture_output=True, text=True, check=False)
+    return "" if built.returncode == 0 else "clang has no fuzzer runtime (libclang-rt-dev)"
 
 
 # ---- tests under sanitizers ---------------------------------------------------------------------
