@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build"
 PYTHON = sys.executable
 FUZZ_SECONDS = 10
+REPORTS = BUILD / "sanitized" / "report"  # a worker's own words are lost when it crashes
 MAKE = ("make", "--no-print-directory", "-j2", "-f", "tests/c/Makefile")
 SANITIZE = "-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g"
 
@@ -118,8 +119,8 @@ def sanitized_package() -> tuple[Path, dict[str, str]]:
     runtime = [run("gcc", f"-print-file-name={name}").strip() for name in ("libasan.so", "libstdc++.so.6")]
     return place, {
         "LD_PRELOAD": " ".join(runtime),
-        "ASAN_OPTIONS": "detect_leaks=0:abort_on_error=0",  # Python itself never frees all
-        "UBSAN_OPTIONS": "print_stacktrace=1:halt_on_error=1",
+        "ASAN_OPTIONS": f"detect_leaks=0:log_path={REPORTS}",  # leaks: Python itself never frees all
+        "UBSAN_OPTIONS": f"print_stacktrace=1:halt_on_error=1:log_path={REPORTS}",
         "PYTHONPATH": f"{place}{os.pathsep}{ROOT}",
         "PYTHONMALLOC": "malloc",  # so that a wrong pointer into Python's memory is seen as well
     }
@@ -128,6 +129,8 @@ def sanitized_package() -> tuple[Path, dict[str, str]]:
 @step
 def tests_sanitized() -> str:
     """The quick tests with the extension under address and undefined-behaviour sanitizers."""
+    for old in REPORTS.parent.glob("report.*"):
+        old.unlink()
     place, env = sanitized_package()
     where = run(PYTHON, "-P", "-c", "import hostmot2._core as core; print(core.__file__)", env=env, cwd=BUILD)
     if not where.strip().endswith(".so") or str(place) not in where:
@@ -135,7 +138,11 @@ def tests_sanitized() -> str:
     command = [PYTHON, "-P", "-m", "pytest", "-q", "-n", "2", "-m", "not slow", "-p", "no:cacheprovider"]
     options = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), str(ROOT / "tests")]
     units = f"--ignore={ROOT}/tests/test_c_units.py"  # sanitized by themselves
-    return last_line(run(*command, *options, units, env=env, cwd=BUILD))
+    try:
+        return last_line(run(*command, *options, units, env=env, cwd=BUILD))
+    except Failed as failure:
+        reports = "".join(path.read_text() for path in REPORTS.parent.glob("report.*"))
+        raise Failed(f"{failure}\n{reports[:6000]}") from None
 
 
 @step
