@@ -608,7 +608,8 @@ def test_every_row_of_the_board_table_can_be_reached() -> None:
         (0x03800405, "probe"), (0x03000581, "step"), (0x03000582, "direction"), (0x03000501, "index"),
         (0x03000509, "index"), (0x03000683, "not_enable"), (0x03001A83, "timer 1"), (0x0300C386, "out 5"),
         (0x0300C3A0, "ac_reference"), (0x03002320, "in 31"), (0x0300C510, "positive 15"),
-        (0x0300C511, "negative 0"), (0x03001E85, "address 4"), (0x03000E8C, "select 7"), (0x0300068F, "pin 0x8F"),
+        (0x0300C511, "negative 0"), (0x03001E85, "address 4"), (0x03000E8C, "select 7"),
+        (0x0300068F, "pin 0x8F"),
         (0x03007F01, "pin 0x01"), (0x03000000, ""),
     ],
 )  # fmt: skip
