@@ -11,6 +11,7 @@
 #include "process_data.h"
 
 #define BLOCK 512
+#define LINE 8 /* doubles in a line of the cache */
 #define CACHE_BYTES (4u << 20) /* output beyond this goes past the cache: about a share of a third level */
 #define INLINE static inline __attribute__((always_inline))
 
@@ -20,11 +21,10 @@ typedef struct block {
 	block_rows rows;
 	uint32_t narrow[BLOCK]; /* raw bits of the field at work, if up to 32 */
 	uint64_t wide[BLOCK];   /* the same, if more */
-	double values[BLOCK];
-	float rounded[BLOCK];
 	uint8_t truths[BLOCK];
 	size_t count;
-	int past_cache; /* see put */
+	size_t padded;  /* up to a whole line; what is computed there goes nowhere */
+	int past_cache; /* see put_bytes */
 } block;
 
 static const size_t sizes[] = {
@@ -90,102 +90,152 @@ INLINE void get_wide(block *at, const hm2_column *column, uint32_t word)
 	const uint32_t *restrict middle = at->rows[word + column->word_stride];
 	uint64_t *restrict raw = at->wide;
 	uint64_t mask = hm2_low_bits(column->bits);
-	for (size_t i = 0; i < at->count; i++)
+	for (size_t i = 0; i < at->padded; i++)
 		raw[i] = (low[i] | (uint64_t)middle[i] << 32) >> shift & mask;
 	if (shift + column->bits <= 64)
 		return;
 	const uint32_t *restrict top = at->rows[word + 2 * column->word_stride];
-	for (size_t i = 0; i < at->count; i++)
+	for (size_t i = 0; i < at->padded; i++)
 		raw[i] = (raw[i] | (uint64_t)top[i] << (64 - shift)) & mask;
 }
 
-INLINE void scale_signed(block *at, const hm2_column *column, narrow from, int fused)
-{
-	NARROW_ROWS(from);
-	double *restrict values = at->values;
-	double scale = column->scale, full = 2147483647.0, reciprocal = 1.0 / full;
-	uint32_t align = 32 - column->bits;
-	for (size_t i = 0; i < at->count; i++)
-		values[i] = divided((double)(int32_t)(NARROW(i) << align), full, reciprocal, fused) * scale;
-}
+/* Where the values of a column go. */
+struct sink {
+	uint8_t *to;
+	size_t count;
+	int singles;    /* F32 instead of F64 */
+	int past_cache; /* and 16-byte aligned */
+};
 
-INLINE void scale_unsigned(block *at, const hm2_column *column, narrow from, int fused)
+/* Past the cache if the whole output would not fit there anyway: the lines need not be read before they are
+ * overwritten, which halves the traffic. Done as the values come, so that the memory works while we count. */
+INLINE void put_bytes(uint8_t *to, const void *from, size_t size, int past_cache)
 {
-	NARROW_ROWS(from);
-	double *restrict values = at->values;
-	double scale = column->scale, full = mask, reciprocal = 1.0 / full;
-	if (column->bits == 32)
-		for (size_t i = 0; i < at->count; i++)
-			values[i] = divided((double)NARROW(i) * scale, full, reciprocal, fused);
-	else /* conversion of a signed int is an instruction everywhere */
-		for (size_t i = 0; i < at->count; i++)
-			values[i] = divided((double)(int32_t)NARROW(i) * scale, full, reciprocal, fused);
-}
-
-INLINE void scale_wide(block *at, const hm2_column *column)
-{
-	const uint64_t *restrict raw = at->wide;
-	double *restrict values = at->values;
-	double scale = column->scale;
-	if (column->kind == HM2_FIELD_SIGNED) {
-		uint32_t align = 64 - column->bits;
-		for (size_t i = 0; i < at->count; i++)
-			values[i] = (double)(int64_t)(raw[i] << align) / 9223372036854775808.0 * scale;
+#ifdef __SSE2__
+	if (past_cache) {
+		for (size_t at = 0; at < size; at += 16) {
+			const __m128i *part = (const __m128i *)(const void *)((const uint8_t *)from + at);
+			_mm_stream_si128((__m128i *)(void *)(to + at), _mm_loadu_si128(part));
+		}
 		return;
 	}
-	double full = (double)hm2_low_bits(column->bits);
-	for (size_t i = 0; i < at->count; i++)
-		values[i] = (double)raw[i] * scale / full;
+#else
+	(void)past_cache;
+#endif
+	memcpy(to, from, size);
 }
 
-INLINE void widen_floats(block *at, narrow from)
+INLINE void put_line(const struct sink *sink, size_t first, const double line[LINE])
 {
-	NARROW_ROWS(from);
-	for (size_t i = 0; i < at->count; i++) {
-		uint32_t word = NARROW(i);
-		float value;
-		memcpy(&value, &word, sizeof value);
-		at->values[i] = (double)value;
+	if (!sink->singles) {
+		put_bytes(sink->to + first * sizeof(double), line, LINE * sizeof(double), sink->past_cache);
+		return;
+	}
+	float rounded[LINE];
+	for (size_t i = 0; i < LINE; i++)
+		rounded[i] = (float)line[i];
+	put_bytes(sink->to + first * sizeof(float), rounded, sizeof rounded, sink->past_cache);
+}
+
+INLINE void put_rest(const struct sink *sink, size_t first, const double *rest)
+{
+	for (size_t i = 0; first + i < sink->count; i++) {
+		float rounded = (float)rest[i];
+		if (sink->singles)
+			memcpy(sink->to + (first + i) * sizeof rounded, &rounded, sizeof rounded);
+		else
+			memcpy(sink->to + (first + i) * sizeof(double), &rest[i], sizeof(double));
 	}
 }
 
-INLINE void get_values(block *at, const hm2_column *column, uint32_t word, int fused)
+/* The value of every record i, a line of the cache at a time. Rows have room for a whole last line. */
+#define FILL(sink, value)                                        \
+	for (size_t first = 0; first < (sink)->count; first += LINE) { \
+		double line[LINE];                                         \
+		for (size_t k = 0; k < LINE; k++) {                        \
+			size_t i = first + k;                                  \
+			line[k] = (value);                                     \
+		}                                                          \
+		if (first + LINE <= (sink)->count)                         \
+			put_line(sink, first, line);                           \
+		else                                                       \
+			put_rest(sink, first, line);                           \
+	}
+
+INLINE void scale_signed(const struct sink *sink, const hm2_column *column, narrow from, int fused)
+{
+	NARROW_ROWS(from);
+	double scale = column->scale, full = 2147483647.0, reciprocal = 1.0 / full;
+	uint32_t align = 32 - column->bits;
+	FILL(sink, divided((double)(int32_t)(NARROW(i) << align), full, reciprocal, fused) * scale)
+}
+
+INLINE void scale_unsigned(const struct sink *sink, const hm2_column *column, narrow from, int fused)
+{
+	NARROW_ROWS(from);
+	double scale = column->scale, full = mask, reciprocal = 1.0 / full;
+	if (column->bits == 32)
+		FILL(sink, divided((double)NARROW(i) * scale, full, reciprocal, fused))
+	else /* conversion of a signed int is an instruction everywhere */
+		FILL(sink, divided((double)(int32_t)NARROW(i) * scale, full, reciprocal, fused))
+}
+
+INLINE void scale_wide(const struct sink *sink, const hm2_column *column, const uint64_t *restrict raw)
+{
+	double scale = column->scale, full = (double)hm2_low_bits(column->bits);
+	uint32_t align = 64 - column->bits;
+	if (column->kind == HM2_FIELD_SIGNED)
+		FILL(sink, (double)(int64_t)(raw[i] << align) / 9223372036854775808.0 * scale)
+	else
+		FILL(sink, (double)raw[i] * scale / full)
+}
+
+INLINE double as_float(uint32_t bits)
+{
+	float value;
+	memcpy(&value, &bits, sizeof value);
+	return (double)value;
+}
+
+INLINE double as_double(uint64_t bits)
+{
+	double value;
+	memcpy(&value, &bits, sizeof value);
+	return value;
+}
+
+INLINE void put_values(block *at, const hm2_column *column, const struct sink *sink, uint32_t word, int fused)
 {
 	if (column->bits > 32) {
 		get_wide(at, column, word);
 		if (column->kind == HM2_FIELD_FLOAT)
-			memcpy(at->values, at->wide, at->count * sizeof at->values[0]);
+			FILL(sink, as_double(at->wide[i]))
 		else
-			scale_wide(at, column);
+			scale_wide(sink, column, at->wide);
 		return;
 	}
 	narrow from = narrow_of(at, column, word);
+	NARROW_ROWS(from);
 	fused = fused && may_fuse(column);
 	if (column->kind == HM2_FIELD_FLOAT)
-		widen_floats(at, from);
+		FILL(sink, as_float(NARROW(i)))
 	else if (column->kind == HM2_FIELD_SIGNED && fused)
-		scale_signed(at, column, from, 1);
+		scale_signed(sink, column, from, 1);
 	else if (column->kind == HM2_FIELD_SIGNED)
-		scale_signed(at, column, from, 0);
+		scale_signed(sink, column, from, 0);
 	else if (fused)
-		scale_unsigned(at, column, from, 1);
+		scale_unsigned(sink, column, from, 1);
 	else
-		scale_unsigned(at, column, from, 0);
-}
-
-INLINE void round_values(block *at)
-{
-	for (size_t i = 0; i < at->count; i++)
-		at->rounded[i] = (float)at->values[i];
+		scale_unsigned(sink, column, from, 0);
 }
 
 INLINE void get_truths(block *at, int wide)
 {
 	if (wide)
-		for (size_t i = 0; i < at->count; i++)
+		for (size_t i = 0; i < at->count && i < BLOCK; i++)
 			at->truths[i] = at->wide[i] != 0;
 	else
-		for (size_t i = 0; i < at->count; i++)
+		for (size_t i = 0; i < at->count && i < BLOCK; i++)
 			at->truths[i] = at->narrow[i] != 0;
 }
 
@@ -211,42 +261,19 @@ INLINE const void *get_raw(block *at, const hm2_column *column, uint32_t word)
 	return at->wide;
 }
 
-/* Past the cache if the whole output would not fit there anyway: the lines need not be read before they are
- * overwritten, which halves the traffic. Lines this block shares with a neighbour go through the cache. */
-static void put(uint8_t *to, const void *from, size_t size, int past_cache)
-{
-#ifdef __SSE2__
-	size_t head = (size_t)(-(uintptr_t)to & 63);
-	if (past_cache && size >= head + 64) {
-		const uint8_t *source = (const uint8_t *)from + head;
-		memcpy(to, from, head);
-		to += head;
-		size -= head;
-		for (; size >= 16; size -= 16, to += 16, source += 16)
-			_mm_stream_si128((__m128i *)(void *)to, _mm_loadu_si128((const __m128i *)(const void *)source));
-		from = source;
-	}
-#else
-	(void)past_cache;
-#endif
-	memcpy(to, from, size);
-}
-
 INLINE void decode_columns(block *at, const hm2_column *columns, size_t count, size_t first, int fused)
 {
 	for (const hm2_column *column = columns; column < columns + count; column++) {
 		uint32_t word = column->first_word + column->offset / 32 * column->word_stride;
 		size_t size = sizes[column->type];
-		const void *source = at->values;
+		struct sink sink = {(uint8_t *)column->data + first * size, at->count, column->type == HM2_COLUMN_F32, 0};
+		sink.past_cache = at->past_cache && ((uintptr_t)sink.to & 15) == 0;
 		if (column->type == HM2_COLUMN_F64 || column->type == HM2_COLUMN_F32)
-			get_values(at, column, word, fused);
+			put_values(at, column, &sink, word, fused);
+		else if (at->count == BLOCK)
+			put_bytes(sink.to, get_raw(at, column, word), BLOCK * size, sink.past_cache);
 		else
-			source = get_raw(at, column, word);
-		if (column->type == HM2_COLUMN_F32) {
-			round_values(at);
-			source = at->rounded;
-		}
-		put((uint8_t *)column->data + first * size, source, at->count * size, at->past_cache);
+			memcpy(sink.to, get_raw(at, column, word), at->count * size);
 	}
 }
 
@@ -294,6 +321,8 @@ static void fill_rows(block *at, const uint8_t *records, size_t stride, uint32_t
 		uint32_t *restrict row = at->rows[word];
 		for (size_t i = 0; i < at->count; i++)
 			row[i] = load_le32(from + i * stride);
+		for (size_t i = at->count; i < at->padded; i++)
+			row[i] = 0;
 	}
 }
 
@@ -342,6 +371,7 @@ int hm2_bulk_decode(const uint8_t *records, size_t stride, uint32_t words, size_
 	at.past_cache = output > CACHE_BYTES;
 	for (size_t first = 0; first < count; first += BLOCK) {
 		at.count = count - first < BLOCK ? count - first : BLOCK;
+		at.padded = (at.count + LINE - 1) / LINE * LINE;
 		fill_rows(&at, records + first * stride, stride, words);
 		decode(&at, columns, column_count, first);
 	}

@@ -137,6 +137,14 @@ def test_large_output_is_whole():
     for i in range(4):
         assert np.array_equal(columns[f"analogin{i}"], (records[:, 1] >> (8 * i) & 255) * 36.3 / 255)
     assert np.array_equal(columns["fault"], records[:, 2] & 1 == 1)
+    singles = data.decode(records, dtype=np.float32)
+    assert np.array_equal(singles["analogin3"], columns["analogin3"].astype(np.float32))
+    room = np.zeros(count + 2)  # somewhere every alignment of a double
+    for start in (0, 1):
+        guarded = room[start : start + count]
+        assert data.decode(records, out={"analogin1": guarded})["analogin1"] is guarded
+        assert np.array_equal(guarded, columns["analogin1"])
+    assert room[-1] == 0
 
 
 def test_counters_count_through_a_recording():

@@ -146,7 +146,7 @@ static void levels_of_the_decoder_agree(void)
 	for (size_t i = 0; i < COUNT; i++)
 		for (size_t w = 0; w < 3; w++)
 			records[i][w] = (uint32_t)random() * 2654435761u;
-	at.count = BLOCK;
+	at.count = at.padded = BLOCK;
 	fill_rows(&at, (const uint8_t *)records, sizeof records[0], 3);
 	for (uint32_t bits = 1; bits <= 64; bits++)
 		for (int kind = HM2_FIELD_UNSIGNED; kind <= HM2_FIELD_SIGNED; kind++) {
