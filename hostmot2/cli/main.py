@@ -21,6 +21,12 @@ COMMANDS: dict[str, str] = {
     "peek": "hostmot2.cli.registers:peek",
     "poke": "hostmot2.cli.registers:poke",
     "sserial": "hostmot2.cli.sserial:sserial",
+    "discover": "hostmot2.cli.ethernet:discover_cards",
+    "ip": "hostmot2.cli.ethernet:ip",
+    "flash": "hostmot2.cli.ethernet:flash",
+    "reload": "hostmot2.cli.ethernet:reload",
+    "emulate": "hostmot2.cli.emulate:emulate",
+    "emu": "hostmot2.cli.emulate:emu",
 }
 """Name -> module:command. A module is imported when its command is used, so that `hm2 info` is quick."""
 

@@ -1,0 +1,111 @@
+"""hm2 emulate, hm2 emu: an emulated Ethernet card on the network, and a hand into it."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hostmot2.cli.session import Session, reports
+from hostmot2.emulator import EmulatedBoard
+from hostmot2.emulator.control import Controls, ControlServer, ask
+from hostmot2.emulator.ethernet import EthernetServer, Fault, description
+from hostmot2.lbp16 import PORT
+
+
+def _fault(_context: click.Context, _parameter: click.Parameter, text: str | None) -> Fault:
+    try:
+        return Fault.parse(text or "")
+    except ValueError as error:
+        raise click.BadParameter(str(error)) from None
+
+
+def _address(_context: click.Context, _parameter: click.Parameter, text: str) -> tuple[str, int]:
+    host, colon, port = text.rpartition(":")
+    if not colon:
+        return text, PORT
+    if not port.isdigit() or int(port) > 65535:
+        raise click.BadParameter(f"{text}: HOST or HOST:PORT")
+    return host, int(port)
+
+
+@click.command()
+@click.argument("spec")
+@click.option("--listen", default="127.0.0.1", show_default=True, callback=_address, metavar="HOST[:PORT]")
+@click.option("--fault", callback=_fault, metavar="FAULTS", help="loss=1%,delay=200us,dup=1%,reorder=1%,...")
+@click.option("--control", type=click.Path(path_type=Path), help="Unix socket for `hm2 emu`.")
+@click.option("--mac", help="The card's MAC address, such as 00:60:1b:10:12:34.")
+@click.option("--ip", help="The address in the card's EEPROM.")
+@click.option("--firmware", type=click.Choice(["a", "b"]), help="Register generation.")
+@click.option("--priority", type=click.IntRange(0, 98), default=0, help="SCHED_FIFO priority; 0: none.")
+@click.option("--spin-us", type=click.IntRange(0, 1_000_000), default=30, help="Wait awake between packets.")
+def emulate(
+    spec: str,
+    listen: tuple[str, int],
+    fault: Fault,
+    control: Path | None,
+    mac: str | None,
+    ip: str | None,
+    firmware: str | None,
+    priority: int,
+    spin_us: int,
+) -> None:
+    """Serve an emulated Ethernet card, such as 7i92+7i77, until SIGINT or SIGTERM.
+
+    Prints one line when it is ready. It listens on loopback unless told otherwise. FAULTS act on datagrams:
+    loss, dup and reorder in percent, delay and jitter with us or ms, direction=requests|replies|both,
+    seed=N.
+    """
+    changes: dict[str, Any] = {name: value for name, value in (("mac", mac), ("ip", ip)) if value}
+    facts = replace(description(spec), **changes)
+    # before any thread exists: the threads inherit it, so that only sigwait below sees these
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    board = EmulatedBoard(spec, clock="real", firmware=firmware)
+    server = EthernetServer(board, *listen, description=facts, spin_us=spin_us, fifo_priority=priority)
+    with contextlib.ExitStack() as stack:
+        stack.callback(board.close)
+        stack.callback(server.close)
+        server.set_fault(fault)
+        if control is not None:
+            stack.enter_context(ControlServer(control, Controls(board, server, fault)))
+        server.start()
+        if not server.is_loopback:
+            click.echo(f"hm2: whoever reaches {listen[0]} can drive this card", err=True)
+        click.echo(f"ready udp://{server.host}:{server.port} {spec}")
+        signal.sigwait({signal.SIGINT, signal.SIGTERM})
+
+
+@click.group()
+@click.option("--control", type=click.Path(path_type=Path), required=True, help="As given to `hm2 emulate`.")
+@click.pass_context
+def emu(context: click.Context, control: Path) -> None:
+    """Look into and steer a running `hm2 emulate`.
+
+    Keys: output, input, analogout0..5, analogena, spinena, encoder0_rate.., encoder0_position.., led0..,
+    requests, replies, fault.loss, fault.dup, fault.reorder, fault.delay, fault.jitter (us), fault.requests,
+    fault.replies, fault.seed. A second daughter card's have its number before: 1.output.
+    """
+    context.meta["control"] = control
+
+
+@emu.command()
+@click.argument("key")
+@reports
+@click.pass_context
+def get(context: click.Context, session: Session, key: str) -> None:
+    """Print a key's value, a plain number."""
+    value = ask(context.meta["control"], "get", key)
+    session.report({key: float(value)}, value)
+
+
+@emu.command("set", context_settings={"ignore_unknown_options": True})
+@click.argument("key")
+@click.argument("value")
+@click.pass_context
+def set_(context: click.Context, key: str, value: str) -> None:
+    """Set a key to a number."""
+    ask(context.meta["control"], "set", key, value)

@@ -1,0 +1,141 @@
+"""The commands for Ethernet cards, and the emulated card as a process."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from bitfile_samples import payload, xilinx
+
+from hostmot2.cli import main
+from hostmot2.emulator.control import ask
+from hostmot2.emulator.ethernet import EthernetCard, EthernetDescription, EthernetServer
+
+
+@pytest.fixture
+def hm2(capfd, monkeypatch):
+    monkeypatch.delenv("HM2_BOARD", raising=False)
+
+    def run(*arguments: str):
+        with pytest.raises(SystemExit) as end:
+            main(list(arguments))
+        out, err = capfd.readouterr()
+        return int(end.value.code or 0), out, err
+
+    return run
+
+
+@pytest.fixture
+def server():
+    with EthernetServer(EthernetCard(EthernetDescription("7I92", reload_us=20_000))) as server:
+        server.card.process(bytes.fromhex("81c20001fecaaa55"))
+        yield server
+
+
+def test_discover_lists_cards_and_ends_with_3_without_any(hm2, server):
+    status, out, _ = hm2("--json", "discover", "127.0.0.1", "--port", str(server.port))
+    found = json.loads(out)
+    assert status == 0
+    assert [card["name"] for card in found["cards"] if card["url"].startswith("udp:")] == ["7I92"]
+    server.stop()
+    status, out, _ = hm2("discover", "127.0.0.1", "--port", str(server.port), "--timeout", "0.05")
+    assert (status, "no card among" in out) == (3, True)
+
+
+def test_ip_shows_and_stores(hm2, server):
+    status, out, _ = hm2("--json", "--board", server.url, "ip")
+    assert (status, json.loads(out)["card"]["eeprom_ip"]) == (0, "10.10.10.10")
+    assert hm2("--board", server.url, "ip", "10.10.10.77")[0] == 2
+    assert server.card.peek(2, 0x20) == 0x0A0A
+    status, out, _ = hm2("--board", server.url, "ip", "10.10.10.77", "--yes")
+    assert (status, "10.10.10.77" in out) == (0, True)
+
+
+def test_flash_commands(hm2, server, tmp_path: Path):
+    image, board = tmp_path / "image.bit", ("--board", server.url, "flash")
+    image.write_bytes(xilinx(payload(3000)))
+    assert json.loads(hm2(*board, "info", "--json")[1])["boot_block_ok"] is True
+    assert hm2(*board, "write", str(image))[0] == 2
+    assert hm2(*board, "write", "--dry-run", str(image))[0] == 0
+    assert hm2(*board, "verify", str(image))[0] == 5
+    assert hm2(*board, "write", "--yes", str(image))[0] == 0
+    assert hm2(*board, "verify", str(image))[0] == 0
+    status, _, _ = hm2(*board, "backup", "-o", str(tmp_path / "all.bin"))
+    assert status == 0
+    assert (tmp_path / "all.bin").read_bytes() == server.card.flash_read(0, server.card.flash_size)
+    assert (tmp_path / "all.bin.sha256").read_text().endswith(" *./all.bin\n")
+    image.write_bytes(xilinx(payload(3000), part="6slx16ftg256"))
+    assert hm2(*board, "write", "--yes", str(image))[0] == 6
+
+
+def test_reload_needs_yes(hm2, server):
+    assert hm2("--board", server.url, "reload")[0] == 2
+    assert server.card.process(bytes.fromhex("01420001")) == bytes.fromhex("fecaaa55")
+    assert hm2("--board", server.url, "reload", "--yes")[0] == 0
+    assert server.card.process(bytes.fromhex("01420001")) == bytes(4)
+
+
+def test_service_commands_want_an_ethernet_card(hm2):
+    assert hm2("--board", "emu://5i25+7i77", "ip")[0] == 2
+
+
+def test_no_card_is_a_communication_error(hm2, server):
+    server.close()
+    status, _, err = hm2("--board", server.url, "ip")
+    assert (status, "Connection refused" in err) == (5, True)
+
+
+@pytest.fixture
+def emulator(tmp_path: Path):
+    """`hm2 emulate` as a process: the process, its URL, its control socket."""
+    control = tmp_path / "control"
+    command = [sys.executable, "-c", "from hostmot2.cli import main; main()", "emulate", "7i92+7i77"]
+    process = subprocess.Popen(
+        [*command, "--listen", "127.0.0.1:0", "--control", str(control), "--fault", "loss=2%,seed=3"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    ready = process.stdout.readline().split()
+    assert ready[0] == "ready"
+    yield process, ready[1], control
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_emulate_serves_until_told_and_ends_with_0(emulator, hm2, number):
+    process, url, control = emulator
+    assert "7I92" in hm2("--board", url, "info")[1]
+    process.send_signal(number)
+    assert process.wait(10) == 0
+    assert not control.exists()
+
+
+def test_emu_gets_and_sets(emulator, hm2):
+    _, _, control = emulator
+    at = ("emu", "--control", str(control))
+    assert hm2(*at, "get", "fault.loss")[1] == "0.02\n"
+    assert hm2(*at, "set", "fault.loss", "0")[0] == 0
+    assert float(ask(control, "get", "fault.loss")) == 0
+    hm2(*at, "set", "encoder0_position", "-5")
+    assert hm2(*at, "get", "encoder0_position")[1] == "-5\n"
+    for wrong in (
+        ("get", "nothing"),
+        ("set", "fault.loss", "2"),
+        ("set", "led0", "1"),
+        ("get", "encoder9_x"),
+    ):
+        assert hm2(*at, *wrong)[0] == 2
+    assert hm2("emu", "--control", os.devnull + "x", "get", "led0")[0] == 3
+
+
+def test_only_ethernet_cards_are_served(hm2):
+    assert hm2("emulate", "5i25+7i77")[0] == 2
+    assert hm2("emulate", "7i92", "--fault", "loss=200%")[0] == 2
+    assert hm2("emulate", "7i92", "--listen", "127.0.0.1:x")[0] == 2
