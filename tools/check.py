@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -22,9 +23,9 @@ ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build"
 PYTHON = sys.executable
 FUZZ_SECONDS = 10
-REPORTS = BUILD / "sanitized" / "report"  # a worker's own words are lost when it crashes
 MAKE = ("make", "--no-print-directory", "-j2", "-f", "tests/c/Makefile")
 SANITIZE = "-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g"
+SANITIZER_REPORT = re.compile(r"^.*(runtime error:|ERROR: \w+Sanitizer)(.*\n){0,12}", re.MULTILINE)
 
 
 class Failed(Exception):
@@ -61,8 +62,10 @@ def run(
         check=False,
     )
     if result.returncode not in codes:
+        report = SANITIZER_REPORT.search(result.stdout)  # that is where to look first
+        head = f"{report[0][:2000]}\n...\n" if report else ""
         tail = result.stdout[-6000:]
-        raise Failed(f"$ {' '.join(command)}\n{tail}exit status {result.returncode}")
+        raise Failed(f"$ {' '.join(command)}\n{head}{tail}exit status {result.returncode}")
     return result.stdout
 
 
@@ -119,8 +122,8 @@ def sanitized_package() -> tuple[Path, dict[str, str]]:
     runtime = [run("gcc", f"-print-file-name={name}").strip() for name in ("libasan.so", "libstdc++.so.6")]
     return place, {
         "LD_PRELOAD": " ".join(runtime),
-        "ASAN_OPTIONS": f"detect_leaks=0:log_path={REPORTS}",  # leaks: Python itself never frees all
-        "UBSAN_OPTIONS": f"print_stacktrace=1:halt_on_error=1:log_path={REPORTS}",
+        "ASAN_OPTIONS": "detect_leaks=0",  # Python itself never frees all
+        "UBSAN_OPTIONS": "print_stacktrace=1:halt_on_error=1",
         "PYTHONPATH": f"{place}{os.pathsep}{ROOT}",
         "PYTHONMALLOC": "malloc",  # so that a wrong pointer into Python's memory is seen as well
     }
@@ -129,8 +132,6 @@ def sanitized_package() -> tuple[Path, dict[str, str]]:
 @step
 def tests_sanitized() -> str:
     """The quick tests with the extension under address and undefined-behaviour sanitizers."""
-    for old in REPORTS.parent.glob("report.*"):
-        old.unlink()
     place, env = sanitized_package()
     where = run(PYTHON, "-P", "-c", "import hostmot2._core as core; print(core.__file__)", env=env, cwd=BUILD)
     if not where.strip().endswith(".so") or str(place) not in where:
@@ -138,11 +139,8 @@ def tests_sanitized() -> str:
     command = [PYTHON, "-P", "-m", "pytest", "-q", "-n", "2", "-m", "not slow", "-p", "no:cacheprovider"]
     options = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), str(ROOT / "tests")]
     units = f"--ignore={ROOT}/tests/test_c_units.py"  # sanitized by themselves
-    try:
-        return last_line(run(*command, *options, units, env=env, cwd=BUILD))
-    except Failed as failure:
-        reports = "".join(path.read_text() for path in REPORTS.parent.glob("report.*"))
-        raise Failed(f"{failure}\n{reports[:6000]}") from None
+    # --capture=sys: pytest keeps no crashed worker's stderr, and there the sanitizers speak
+    return last_line(run(*command, *options, units, "--capture=sys", env=env, cwd=BUILD))
 
 
 @step
