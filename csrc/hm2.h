@@ -890,6 +890,7 @@ int hm2_toc_check_sizes(const hm2_toc_record *ptoc, size_t count, uint32_t recei
 #define HM2_SSERIAL_CHANNELS 8       /* of one instance, at most */
 #define HM2_SSERIAL_DATA_REGISTERS 7 /* 32-bit interface data registers of a channel, at most */
 #define HM2_SSERIAL_EVENTS 64        /* kept until taken */
+#define HM2_SSERIAL_NEWS 0x100       /* in a result: events are waiting */
 
 struct hm2_sserial;
 
@@ -927,7 +928,6 @@ typedef struct hm2_sserial_identity {
 
 /* Registers as last exchanged, [channel][register]. Inputs of a failed transfer keep the last good values. */
 typedef struct hm2_sserial_image {
-	uint32_t events; /* waiting for hm2_sserial_take_events */
 	uint32_t cs[8];
 	uint32_t inputs[8][7];
 	uint32_t outputs[8][7]; /* the caller's to write */
@@ -993,7 +993,7 @@ hm2_sserial_image *hm2_sserial_get_image(struct hm2_sserial *port);
 void hm2_sserial_set_process_data(struct hm2_sserial *port, struct hm2_process_data *process_data);
 
 /* Writes outputs, DOIT, waits, reads results and inputs. Returns the mask of failed channels (named but
- * not started ones included), or a status. */
+ * not started ones included) and HM2_SSERIAL_NEWS, or a status. */
 int hm2_sserial_doit(struct hm2_sserial *port, uint32_t mask, hm2_error *error);
 /* One step of a pipeline: reads the results of the last DOIT, then writes outputs and the next DOIT
  * without waiting for it. *requested: the channels the result speaks of, 0 in the first step. */

@@ -79,7 +79,7 @@ struct hm2_sserial {
 	hm2_sserial_image image;
 	hm2_sserial_counters counters;
 	hm2_sserial_event events[HM2_SSERIAL_EVENTS];
-	uint32_t first_event;
+	uint32_t first_event, event_count;
 	uint64_t lost_events;
 };
 

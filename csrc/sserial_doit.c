@@ -224,7 +224,7 @@ int hm2_sserial_doit(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
 	status = sserial_transfer(port, mask, where, error);
 	if (port->process_data && status >= 0)
 		hm2_process_data_unpack(port->process_data);
-	return status;
+	return status >= 0 && port->event_count ? status | HM2_SSERIAL_NEWS : status;
 }
 
 int sserial_collect(struct hm2_sserial *port, hm2_error *error)
@@ -305,7 +305,7 @@ int hm2_sserial_cycle(struct hm2_sserial *port, uint32_t mask, uint32_t *request
 	port->flying = running;
 	if (port->process_data)
 		hm2_process_data_unpack(port->process_data);
-	return failed;
+	return port->event_count ? failed | HM2_SSERIAL_NEWS : failed;
 }
 
 int hm2_sserial_ignored_write(struct hm2_sserial *port, hm2_error *error)

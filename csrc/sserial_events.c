@@ -19,7 +19,7 @@ int hm2_fault_watch_step(hm2_fault_watch *watch, uint32_t cs, uint32_t word, int
 static void put(struct hm2_sserial *port, uint32_t channel, uint64_t transfer)
 {
 	const hm2_fault_watch *watch = &port->channels[channel].watch;
-	uint32_t *count = &port->image.events;
+	uint32_t *count = &port->event_count;
 	if (*count == HM2_SSERIAL_EVENTS) {
 		port->lost_events++;
 		return;
@@ -70,10 +70,10 @@ size_t hm2_sserial_take_events(struct hm2_sserial *port, hm2_sserial_event *even
                                uint64_t *lost)
 {
 	size_t taken = 0;
-	for (; taken < capacity && port->image.events; taken++) {
+	for (; taken < capacity && port->event_count; taken++) {
 		events[taken] = port->events[port->first_event];
 		port->first_event = (port->first_event + 1) % HM2_SSERIAL_EVENTS;
-		port->image.events--;
+		port->event_count--;
 	}
 	*lost = port->lost_events;
 	port->lost_events = 0;

@@ -129,8 +129,10 @@ class Channel:
     def rows(self) -> list[tuple[str, ...]]:
         """The channel and its elements as rows of a table."""
         identity = self._port.identity(self.number)
-        state = str(self.status)
-        head = (str(self.number), identity.name or "-", f"{identity.unit_number:08X}", state)
+        status = self.status
+        state = ", ".join((status.state, *(status.live if self.started else ())))
+        unit = f"{identity.unit_number:08X}" if identity.name else "-"
+        head = (str(self.number), identity.name or "-", unit, state)
         if self.description is None:
             return [(*head, str(self.problem or ""), "", "")]
         rows: list[tuple[str, ...]] = []

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from hostmot2.layout import table
 from hostmot2.registers import LocalFault, RemoteFault
 from hostmot2.sserial.counters import ChannelCounters
+from hostmot2.sserial.discovery import RemoteDescription
 from hostmot2.sserial.errors import NoRemote
 from hostmot2.sserial.status import ChannelStatus, Fault
 
@@ -27,6 +28,7 @@ class Identity:
     unit_number: int
     name: str
     toc: int
+    status: ChannelStatus
 
     @property
     def device_code(self) -> int:
@@ -42,11 +44,14 @@ class ChannelEvidence:
     exists: bool
     started: bool
     identity: Identity
-    status: ChannelStatus
     counters: ChannelCounters | None
     problem: Exception | None = None
-    elements: int = 0
-    parameters: int = 0
+    description: RemoteDescription | None = None
+
+    @property
+    def status(self) -> ChannelStatus:
+        """The CS register at the end of the start."""
+        return self.identity.status
 
     @property
     def name(self) -> str:
@@ -147,3 +152,7 @@ class DoitResult:
     failed: int
     requested: int = 0
     faults: tuple[Fault, ...] = ()
+
+    def __repr__(self) -> str:
+        faults = "".join(f"; {fault}" for fault in self.faults)
+        return f"<DoitResult of 0x{self.requested:02X}: failed 0x{self.failed:02X}{faults}>"

@@ -119,9 +119,11 @@ class Parameter:
     def _limits(self) -> tuple[Number, Number]:
         low, high = self.range
         field = self.field
-        if self.nonvolatile and field.minimum < field.maximum:
-            return max(low, field.minimum), min(high, field.maximum)
-        return low, high
+        if not self.nonvolatile or field.minimum >= field.maximum:
+            return low, high
+        # the remote states its limits as single floats: 2^32 - 1 comes as something near it
+        stated = high if field.maximum >= high * (1 - 2**-22) else field.maximum
+        return max(low, field.minimum), min(high, stated)
 
     @property
     def _space(self) -> int:

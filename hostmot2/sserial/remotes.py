@@ -1,0 +1,168 @@
+"""What is known of the remotes of a port, and how it is found out. The caller holds the board's lock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from hostmot2.process_data import ProcessData
+from hostmot2.sserial import builtin
+from hostmot2.sserial.core import NORMAL, SETUP, Core
+from hostmot2.sserial.discovery import ReadFailed, RemoteDescription, read_tables
+from hostmot2.sserial.errors import BrokenTable, RemoteSilent, UnsupportedRemote, raise_for
+from hostmot2.sserial.evidence import ChannelEvidence
+
+if TYPE_CHECKING:
+    from hostmot2.sserial.channel import Channel
+
+TEN_MILLIAMPERES = 0.01
+
+
+class Remotes:
+    """The descriptions of a port's remotes (kept in its channels) and their process data."""
+
+    def __init__(self, core: Core, channels: tuple[Channel, ...]) -> None:
+        self._core = core
+        self._channels = channels
+        self.looked = 0
+        """Channels that have been looked at in setup mode."""
+        self.process_data: ProcessData = core.set_process_data({})
+
+    def start(self, mask: int, mode: int) -> int:
+        """Start channels; returns those that did not start. What has a problem is not started normally."""
+        usable = mask
+        if mode == NORMAL:
+            usable &= ~bits(c.number for c in self._channels if c.problem is not None)
+        return self._core.start(usable, mode, {c.number: c.mode for c in self._channels}) | mask & ~usable
+
+    def zero(self, mask: int) -> None:
+        """All outputs of the channels to 0."""
+        for number, outputs in self.process_data.outputs.items():
+            if mask >> number & 1:
+                outputs.off()
+
+    def restart(self, mask: int) -> None:
+        """Counters of freshly started channels begin anew."""
+        for number in self.process_data.layouts:
+            if mask >> number & 1:
+                self.process_data.restart(number)
+
+    def look_before_start(self, fresh: int) -> None:
+        """Read the tables of remotes that are not known. All channels the first time: later some may run."""
+        unknown = self._core.existing & ~self.looked
+        for number in numbers(fresh & self._core.existing):
+            channel = self._channels[number]
+            known = channel.description
+            if channel.problem is not None or (known is not None and known.software_mode != channel.mode):
+                unknown |= 1 << number
+        if unknown & fresh:
+            self.look(unknown)
+
+    def strangers(self, started: int) -> int:
+        """Started channels whose remote is not the one that was described; they lose their description."""
+        strangers = 0
+        for number in numbers(started):
+            channel, found = self._channels[number], self._core.identity(number)
+            now = found.unit_number, found.name, found.toc, channel.mode
+            if channel.description is None or channel.description.identity != now:
+                channel.description = None
+                strangers |= 1 << number
+        if strangers:
+            self._update_process_data()
+        return strangers
+
+    def look(self, mask: int) -> list[ChannelEvidence]:
+        """Start channels in setup mode, describe their remotes, stop everything.
+
+        One remote's trouble is kept with its channel and leaves the others alone.
+        """
+        self._core.stop()
+        for number in numbers(mask):
+            self._channels[number].description, self._channels[number].problem = None, None
+        self.start(mask, SETUP)
+        try:
+            for number in numbers(mask & self._core.started):
+                channel = self._channels[number]
+                try:
+                    channel.description = describe(self._core, number, channel.mode)
+                except (BrokenTable, RemoteSilent, UnsupportedRemote) as problem:
+                    channel.problem = problem
+            self.looked |= mask
+            rows = self.evidence(mask)
+        finally:
+            self._core.stop()
+        self._update_process_data()
+        return rows
+
+    def evidence(self, mask: int) -> list[ChannelEvidence]:
+        """What the channels show, a row each."""
+        counters = self._core.counters() if self._core.tells_blocks else ()
+        rows = []
+        for number in numbers(mask):
+            channel = self._channels[number] if number < len(self._channels) else None
+            rows.append(
+                ChannelEvidence(
+                    channel=number,
+                    exists=channel is not None,
+                    started=bool(self._core.started >> number & 1),
+                    identity=self._core.identity(number),
+                    counters=counters[number] if number < len(counters) else None,
+                    problem=channel.problem if channel else None,
+                    description=channel.description if channel else None,
+                )
+            )
+        return rows
+
+    def _update_process_data(self) -> None:
+        """Process data of all described channels, unless it is what it was."""
+        layouts = {c.number: c.description.layout for c in self._channels if c.description is not None}
+        old = self.process_data.layouts
+        if old.keys() == layouts.keys() and all(old[n].fields == layouts[n].fields for n in layouts):
+            return
+        self.process_data = self._core.set_process_data(layouts)
+        for channel in self._channels:
+            word = channel.description.fault_word if channel.description is not None else None
+            self._core.set_bits(channel.number, layouts.get(channel.number), word)
+
+
+def describe(core: Core, channel: int, software_mode: int) -> RemoteDescription:
+    """What a remote in setup mode says of itself, or what is known of it by its name.
+
+    Raises BrokenTable, UnsupportedRemote, RemoteSilent, and errors of the port and the board.
+    """
+    found = core.identity(channel)
+    if found.name == "8I20":
+        max_current = core.read_remote(channel, builtin.MAX_CURRENT_8I20, 2) * TEN_MILLIAMPERES
+        return builtin.describe_8i20(found.unit_number, max_current, software_mode)
+    if found.name == "7I64":
+        return builtin.describe_7i64(found.unit_number, software_mode)
+    if not found.toc & 0xFFFF:
+        raise UnsupportedRemote(
+            f"smart serial port {core.number} channel {channel}: {found.name!r} has no table of its process "
+            "data and is not known by its name",
+            index=channel,
+        )
+    try:
+        return read_tables(
+            partial(core.read_table, channel),
+            channel,
+            found.toc,
+            name=found.name,
+            unit_number=found.unit_number,
+            software_mode=software_mode,
+            registers=core.registers,
+            sizes=core.sizes(channel),
+        )
+    except ReadFailed as failure:
+        raise_for(failure.status, failure.error, core.number)
+
+
+def numbers(mask: int) -> list[int]:
+    """The channels in a mask."""
+    return [number for number in range(8) if mask >> number & 1]
+
+
+def bits(channels: Iterable[int]) -> int:
+    """The mask of channels."""
+    return sum(1 << channel for channel in channels)
