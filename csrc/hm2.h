@@ -998,6 +998,13 @@ int hm2_sserial_doit(struct hm2_sserial *port, uint32_t mask, hm2_error *error);
 /* One step of a pipeline: reads the results of the last DOIT, then writes outputs and the next DOIT
  * without waiting for it. *requested: the channels the result speaks of, 0 in the first step. */
 int hm2_sserial_cycle(struct hm2_sserial *port, uint32_t mask, uint32_t *requested, hm2_error *error);
+/* The pipeline as part of a board's cycle: reads results, writes outputs and DOIT for `mask` as long as
+ * its channels run. A DOIT is left out where the last one may still be at work (counters.too_soon). */
+void hm2_sserial_part(struct hm2_sserial *port, hm2_cyclic *part);
+void hm2_sserial_set_cyclic(struct hm2_sserial *port, uint32_t mask);
+/* After each exchange of the cycle: the result it brought as from hm2_sserial_cycle. A DOIT that hangs is
+ * dug out here. */
+int hm2_sserial_cyclic_result(struct hm2_sserial *port, uint32_t *requested, hm2_error *error);
 /* The write to COMMAND that the firmware ignores, allowed at any time. */
 int hm2_sserial_ignored_write(struct hm2_sserial *port, hm2_error *error);
 

@@ -71,6 +71,11 @@ struct hm2_sserial {
 	int64_t busy_until_ns;
 	int64_t busy_limit_ns;
 	uint32_t flying;     /* channels of a pipelined DOIT whose result has not been read */
+	uint32_t cyclic;     /* channels of the board's cycle */
+	uint32_t launched;   /* of a DOIT in the cycle's exchange at work */
+	uint32_t landed, landed_failed; /* of the result that the cycle's last exchange brought */
+	int reading;         /* the cycle's exchange at work reads results */
+	int hung;            /* the cycle found a DOIT that does not end */
 	int64_t doit_ns;     /* when the last DOIT was written */
 	int64_t expected_ns; /* what a good DOIT has been taking */
 	struct sserial_channel channels[CHANNELS];
@@ -102,6 +107,12 @@ void sserial_forget(struct hm2_sserial *port, uint32_t mask);
 int sserial_fail(hm2_error *error, int status, const char *where, int detail, int channel);
 
 /* sserial_doit.c: a transfer of the image as it is */
+void sserial_compile(struct hm2_sserial *port, uint32_t mask);
+void sserial_prepare_doit(struct hm2_sserial *port);
+/* Whether the last DOIT must be over, whatever it met. */
+int sserial_is_over(const struct hm2_sserial *port, int64_t now_ns);
+int sserial_take_results(struct hm2_sserial *port);
+int sserial_hung(struct hm2_sserial *port, const char *where, hm2_error *error);
 int sserial_transfer(struct hm2_sserial *port, uint32_t mask, const char *where, hm2_error *error);
 /* Reads the result of a pipelined DOIT that has completed. */
 int sserial_collect(struct hm2_sserial *port, hm2_error *error);

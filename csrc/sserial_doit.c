@@ -49,7 +49,7 @@ static void compile_writes(struct hm2_sserial *port, size_t *count)
 	add(lists, count, sserial_address(port, HM2_SSERIAL_COMMAND, 0), HM2_TRANSFER_WRITE, &lists->doit);
 }
 
-static void compile(struct hm2_sserial *port, uint32_t mask)
+void sserial_compile(struct hm2_sserial *port, uint32_t mask)
 {
 	struct sserial_lists *lists = &port->lists;
 	size_t count = 0;
@@ -88,7 +88,7 @@ static void gather_outputs(struct hm2_sserial *port)
 }
 
 /* Inputs of a channel whose transfer failed are left alone: the registers hold nothing new. */
-static int take_results(struct hm2_sserial *port)
+int sserial_take_results(struct hm2_sserial *port)
 {
 	struct sserial_lists *lists = &port->lists;
 	const uint32_t failed = lists->data & lists->mask;
@@ -124,7 +124,7 @@ static int read_results(struct hm2_sserial *port, hm2_error *error)
 	return hm2_exchange(port->board, port->lists.transfers, port->lists.reads, error);
 }
 
-static int hung(struct hm2_sserial *port, const char *where, hm2_error *error)
+int sserial_hung(struct hm2_sserial *port, const char *where, hm2_error *error)
 {
 	if (error)
 		error->received = port->lists.command;
@@ -144,7 +144,7 @@ static int look_until_done(struct hm2_sserial *port, int looked, int64_t *seen_n
 	do {
 		const int expired = *seen_ns >= port->busy_until_ns;
 		if (expired)
-			return hung(port, "sserial doit", error);
+			return sserial_hung(port, "sserial doit", error);
 		hm2_board_pause_ns(port->board, RETRY_NS);
 		*seen_ns = hm2_board_now_ns(port->board);
 		status = hm2_exchange(port->board, lists->transfers, 1, error);
@@ -166,12 +166,12 @@ static int wait_for_doit(struct hm2_sserial *port, int looked, hm2_error *error)
 	if (status != HM2_OK)
 		return status;
 	port->busy = 0;
-	const int failed = take_results(port);
+	const int failed = sserial_take_results(port);
 	learn(port, at_first ? 0 : seen_ns - port->doit_ns, at_first || seen_ns < due_ns, (uint32_t)failed);
 	return failed;
 }
 
-static void prepare_doit(struct hm2_sserial *port)
+void sserial_prepare_doit(struct hm2_sserial *port)
 {
 	gather_outputs(port);
 	sserial_written(port, LIMIT_DOIT_NS);
@@ -181,9 +181,14 @@ static void prepare_doit(struct hm2_sserial *port)
 static int write_doit(struct hm2_sserial *port, int with_results, hm2_error *error)
 {
 	struct sserial_lists *lists = &port->lists;
-	prepare_doit(port);
+	sserial_prepare_doit(port);
 	return hm2_exchange(port->board, &lists->transfers[lists->reads],
 	                    lists->writes + (with_results ? lists->reads : 0), error);
+}
+
+int sserial_is_over(const struct hm2_sserial *port, int64_t now_ns)
+{
+	return now_ns - port->doit_ns >= LIMIT_DOIT_NS / MARGIN;
 }
 
 static int check_running(struct hm2_sserial *port, uint32_t mask, const char *where, hm2_error *error)
@@ -203,7 +208,7 @@ int sserial_transfer(struct hm2_sserial *port, uint32_t mask, const char *where,
 		return status;
 	if (!running)
 		return (int)mask; /* nothing to send */
-	compile(port, running);
+	sserial_compile(port, running);
 	/* where no time passes on the wire the results are there at once */
 	const int at_once = port->expected_ns <= 0;
 	status = write_doit(port, at_once, error);
@@ -229,11 +234,11 @@ int hm2_sserial_doit(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
 
 int sserial_collect(struct hm2_sserial *port, hm2_error *error)
 {
-	compile(port, port->flying);
+	sserial_compile(port, port->flying);
 	port->flying = 0;
 	const int status = read_results(port, error);
 	if (status == HM2_OK)
-		(void)take_results(port);
+		(void)sserial_take_results(port);
 	return status;
 }
 
@@ -241,10 +246,10 @@ static int finish_flight(struct hm2_sserial *port, int late, hm2_error *error)
 {
 	if (port->lists.command == 0) {
 		port->flying = 0;
-		return take_results(port);
+		return sserial_take_results(port);
 	}
 	if (late)
-		return hung(port, "sserial cycle", error);
+		return sserial_hung(port, "sserial cycle", error);
 	port->counters.too_soon++;
 	return sserial_fail(error, HM2_ERR_BUSY, "sserial cycle", HM2_SSERIAL_TOO_SOON, -1);
 }
@@ -255,12 +260,12 @@ static int step(struct hm2_sserial *port, uint32_t running, hm2_error *error)
 {
 	struct sserial_lists *lists = &port->lists;
 	const int64_t now_ns = hm2_board_now_ns(port->board);
-	const int one_exchange = lists->mask == running && now_ns - port->doit_ns >= LIMIT_DOIT_NS / MARGIN;
+	const int one_exchange = lists->mask == running && sserial_is_over(port, now_ns);
 	const int late = one_exchange || now_ns >= port->busy_until_ns;
 	int failed = 0;
 	int status = HM2_OK;
 	if (one_exchange) {
-		prepare_doit(port);
+		sserial_prepare_doit(port);
 		status = hm2_exchange(port->board, lists->transfers, lists->reads + lists->writes, error);
 	} else {
 		status = read_results(port, error);
@@ -271,7 +276,7 @@ static int step(struct hm2_sserial *port, uint32_t running, hm2_error *error)
 	if (failed < 0 || one_exchange)
 		return failed;
 	if (running) {
-		compile(port, running);
+		sserial_compile(port, running);
 		status = write_doit(port, 0, error);
 	}
 	return status == HM2_OK ? failed : status;
@@ -291,13 +296,13 @@ int hm2_sserial_cycle(struct hm2_sserial *port, uint32_t mask, uint32_t *request
 	if (port->process_data)
 		hm2_process_data_pack(port->process_data);
 	if (flying) {
-		compile(port, flying);
+		sserial_compile(port, flying);
 		failed = step(port, running, error);
 		if (failed < 0)
 			return failed;
 		*requested = flying;
 	} else if (running) {
-		compile(port, running);
+		sserial_compile(port, running);
 		status = write_doit(port, 0, error);
 	}
 	if (status != HM2_OK)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from hostmot2.elements import Inputs, Outputs
 from hostmot2.layout import table
+from hostmot2.registers import SslbpChannel
 from hostmot2.sserial.counters import ChannelCounters
 from hostmot2.sserial.discovery import Mode, RemoteDescription
 from hostmot2.sserial.errors import NoRemote, NotDiscovered
@@ -14,6 +15,9 @@ from hostmot2.sserial.status import ChannelStatus
 
 if TYPE_CHECKING:
     from hostmot2.sserial.port import SserialPort
+
+MAX_BAUD = 10_000_000
+"""The fastest that remotes know (index 11)."""
 
 
 class Channel:
@@ -71,6 +75,32 @@ class Channel:
     def modes(self) -> tuple[Mode, ...]:
         """The software modes that the remote names."""
         return self._described().modes
+
+    @property
+    def baud_rate(self) -> int:
+        """Bits per second on the line, 2500000 unless changed; until the next reset() of the port.
+
+        At 115200 only setup mode works. Set: PortRunning while a channel of the port is started.
+        """
+        return self._port.channel_variable(self.number, SslbpChannel.baud_rate)
+
+    @baud_rate.setter
+    def baud_rate(self, baud: int) -> None:
+        if not 1 <= baud <= MAX_BAUD:
+            raise ValueError(f"baud rate {baud} is outside 1..{MAX_BAUD}")
+        self._port.channel_variable(self.number, SslbpChannel.baud_rate, baud)
+
+    @property
+    def crc(self) -> bool:
+        """Whether frames carry a checksum, True unless changed; stopping does not restore it.
+
+        For remotes whose own checksum was switched off. Set: PortRunning as for `baud_rate`.
+        """
+        return not self._port.channel_variable(self.number, SslbpChannel.disable_crc)
+
+    @crc.setter
+    def crc(self, on: bool) -> None:
+        self._port.channel_variable(self.number, SslbpChannel.disable_crc, 0 if on else 0xFF)
 
     def discover(self) -> RemoteDescription:
         """Read the remote's tables anew.

@@ -5,12 +5,13 @@ Not thread-safe: `SserialPort` holds the board's lock around every call.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from hostmot2._core import ffi, lib
+from hostmot2.cycle import Cycle, Order
 from hostmot2.errors import check, new_error
 from hostmot2.layout import Layout
 from hostmot2.process_data import ProcessData, Words
@@ -121,6 +122,23 @@ class Core:
         """One step of the pipeline: failed channels (and HM2_SSERIAL_NEWS), and whom that speaks of."""
         requested = ffi.new("uint32_t *")
         status = self.check(lib.hm2_sserial_cycle(self.handle, mask, requested, self.error))
+        return status, int(requested[0])
+
+    def join(self, cycle: Cycle, after: Callable[[], None]) -> None:
+        """Make the port a part of the board's cycle; `after` is called behind each exchange."""
+        part = ffi.new("hm2_cyclic *")
+        lib.hm2_sserial_part(self.handle, part)
+        cycle.add(part, (part, self), Order.SSERIAL)
+        cycle.after(after)
+
+    def set_cyclic(self, mask: int) -> None:
+        """The channels that the board's cycle moves."""
+        lib.hm2_sserial_set_cyclic(self.handle, mask)
+
+    def cyclic_result(self) -> tuple[int, int]:
+        """What the cycle's last exchange brought; as `cycle`."""
+        requested = ffi.new("uint32_t *")
+        status = self.check(lib.hm2_sserial_cyclic_result(self.handle, requested, self.error))
         return status, int(requested[0])
 
     # -- local variables

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from hostmot2.fields import Field, FieldKind
 from hostmot2.layout import table
 from hostmot2.registers import LocalFault, RemoteFault
 from hostmot2.sserial.counters import ChannelCounters
@@ -62,6 +63,20 @@ class ChannelEvidence:
     def unit_number(self) -> int:
         """The remote's unit number, 0 if none answered."""
         return self.identity.unit_number
+
+    @property
+    def elements(self) -> int:
+        """How many process data elements the remote has, padding left out."""
+        return sum(each.kind is not FieldKind.PAD for each in self._fields)
+
+    @property
+    def parameters(self) -> int:
+        """How many parameters the remote has."""
+        return len(self.description.parameters) if self.description else 0
+
+    @property
+    def _fields(self) -> tuple[Field, ...]:
+        return self.description.fields if self.description else ()
 
     @property
     def found(self) -> bool:

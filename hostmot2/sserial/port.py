@@ -14,6 +14,7 @@ from hostmot2.board import SafeOff
 from hostmot2.idrom import ModuleDescriptor, PinDescriptor
 from hostmot2.layout import table
 from hostmot2.process_data import ProcessData
+from hostmot2.register_map import Register
 from hostmot2.registers import Gtag, Sserial
 from hostmot2.sserial.channel import HEADER, Channel
 from hostmot2.sserial.core import NORMAL, SETUP, Core
@@ -63,6 +64,10 @@ class SserialPort:
         """New faults as they appeared, the latest last."""
         self.faults_lost = 0
         """Faults that came faster than they were taken."""
+        self.last_cycle = DoitResult(0)
+        """What the board's last exchange brought; `requested` is 0 if no DOIT had ended."""
+        self._cyclic = 0
+        self._joined = False
         self._lock = board.lock
         self._is_ready = False
         self._open(max((pin.secondary_pin & 0x0F for pin in self.pins), default=1))
@@ -173,6 +178,32 @@ class SserialPort:
         with self._lock:
             status, requested = self._core.cycle(mask)
         return self._doit_result(status, mask, requested)
+
+    @property
+    def cyclic(self) -> int:
+        """Mask of the channels whose process data is part of the board's cycle; 0 unless set.
+
+        Each exchange of `board.cycle` then takes in what the last one's DOIT brought and sends the next, for
+        those that are started. `last_cycle` is its result. A period of at least 0.2 ms lets one follow the
+        other (0.6 ms where reading and writing are one exchange); a DOIT too soon is left out and counted.
+        """
+        return self._cyclic
+
+    @cyclic.setter
+    def cyclic(self, mask: int) -> None:
+        _check_mask(mask)
+        with self._lock:
+            self._ready()
+            if not self._joined:
+                self._core.join(self._board.cycle, self._after_cycle)
+                self._joined = True
+            self._core.set_cyclic(mask)
+            self._cyclic = mask
+
+    def _after_cycle(self) -> None:
+        if self._cyclic:
+            status, requested = self._core.cyclic_result()
+            self.last_cycle = self._doit_result(status, 0, requested)
 
     def reset(self) -> None:
         """Zero the outputs and reset the port's processor: all channels stopped, default baud rates."""
@@ -285,6 +316,22 @@ class SserialPort:
         with self._lock:
             self._enter_setup(channel)
             self._core.write_remote(channel, address, value, size, space)
+
+    def channel_variable(self, channel: int, register: Register, value: int | None = None) -> int:
+        """A variable of a channel's block in the firmware; with `value` it is written first."""
+        size = register.width // 8
+        with self._lock:
+            self._ready()
+            address = self._core.block(channel) + register.number
+            if value is not None:
+                self._refuse_while_started()
+                self._core.write_local(address, value.to_bytes(size, "little"))
+                self._core.stop()  # which takes a baud rate over
+            return int.from_bytes(self._core.read_local(address, size), "little")
+
+    def _refuse_while_started(self) -> None:
+        if self.started:
+            raise PortRunning(f"{self}: channels {self.started:#04x} are started")
 
     def _enter_setup(self, channel: int) -> None:
         self._refuse_while_running()

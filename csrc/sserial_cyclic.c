@@ -1,0 +1,105 @@
+/* A port's pipeline inside a board's cycle: the same rules as hm2_sserial_cycle, in the cycle's exchange. */
+#include "sserial.h"
+
+#include <string.h>
+
+/* A DOIT that an exchange carried which did not come back: whether it arrived the next look will show. */
+static void note_launch(struct hm2_sserial *port)
+{
+	if (port->launched)
+		port->flying = port->launched;
+	port->launched = 0;
+}
+
+static size_t list(const hm2_transfer *from, size_t count, hm2_transfer *transfers, size_t capacity)
+{
+	if (count <= capacity)
+		memcpy(transfers, from, count * sizeof *from);
+	return count;
+}
+
+static size_t cyclic_reads(void *self, hm2_transfer *transfers, size_t capacity)
+{
+	struct hm2_sserial *port = self;
+	note_launch(port);
+	port->reading = 0;
+	if (!port->flying || port->mode != HM2_SSERIAL_NORMAL)
+		return 0;
+	sserial_compile(port, port->flying);
+	port->reading = 1;
+	return list(port->lists.transfers, port->lists.reads, transfers, capacity);
+}
+
+/* Never over a command that may be at work. In an exchange that also reads, the answer to that comes too
+ * late, so only a DOIT that must be over by now is followed by the next. */
+static int may_write(const struct hm2_sserial *port, uint32_t running)
+{
+	if (port->hung)
+		return 0;
+	if (!port->busy)
+		return 1;
+	return port->reading && port->lists.mask == running && sserial_is_over(port, hm2_board_now_ns(port->board));
+}
+
+static size_t cyclic_writes(void *self, hm2_transfer *transfers, size_t capacity)
+{
+	struct hm2_sserial *port = self;
+	const uint32_t running = port->cyclic & port->started;
+	if (!running || port->mode != HM2_SSERIAL_NORMAL)
+		return 0;
+	if (!may_write(port, running)) {
+		port->counters.too_soon++;
+		return 0;
+	}
+	if (port->process_data)
+		hm2_process_data_pack(port->process_data);
+	sserial_compile(port, running);
+	sserial_prepare_doit(port);
+	port->launched = running;
+	return list(&port->lists.transfers[port->lists.reads], port->lists.writes, transfers, capacity);
+}
+
+static void cyclic_process(void *self, int64_t now_ns)
+{
+	struct hm2_sserial *port = self;
+	const int followed = port->launched != 0;
+	port->landed = port->landed_failed = 0;
+	if (!port->reading) {
+		note_launch(port);
+		return;
+	}
+	port->reading = 0;
+	if (port->lists.command != 0) {
+		port->hung = followed || now_ns >= port->busy_until_ns;
+		return;
+	}
+	port->landed = port->flying;
+	port->landed_failed = (uint32_t)sserial_take_results(port);
+	port->flying = 0;
+	port->busy = followed;
+	note_launch(port);
+	if (port->process_data)
+		hm2_process_data_unpack(port->process_data);
+}
+
+void hm2_sserial_part(struct hm2_sserial *port, hm2_cyclic *part)
+{
+	*part = (hm2_cyclic){port, cyclic_reads, cyclic_writes, cyclic_process};
+}
+
+void hm2_sserial_set_cyclic(struct hm2_sserial *port, uint32_t mask)
+{
+	port->cyclic = mask & 0xFFu;
+}
+
+int hm2_sserial_cyclic_result(struct hm2_sserial *port, uint32_t *requested, hm2_error *error)
+{
+	const uint32_t failed = port->landed_failed;
+	*requested = port->landed;
+	port->landed = port->landed_failed = 0;
+	if (port->hung) {
+		port->hung = 0;
+		return sserial_hung(port, "sserial cycle", error);
+	}
+	return (int)failed | (port->event_count ? HM2_SSERIAL_NEWS : 0);
+}
