@@ -8,6 +8,7 @@ Board.on_close.
 from __future__ import annotations
 
 PARTS: dict[str, tuple[str, str]] = {
+    "cards": ("hostmot2.cards", "Cards"),
     "cycle": ("hostmot2.cycle", "Cycle"),
     "ioport": ("hostmot2.modules.ioport", "Ioport"),
     "gpio": ("hostmot2.modules.ioport", "Gpio"),

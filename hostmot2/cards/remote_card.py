@@ -1,0 +1,83 @@
+"""What daughter cards with smart-serial remotes have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from hostmot2 import errors
+
+if TYPE_CHECKING:
+    from hostmot2.board import Board
+    from hostmot2.sserial import Channel, SserialPort
+
+
+class CardFault(errors.SserialError):
+    """A card reports a fault, so its outputs are not switched on."""
+
+    code = "HM2-E130"
+    fix = "Look at the card's fault, remove its cause, then stop() and start() the card."
+
+
+class RemoteCard:
+    """A card made of one or more remotes of one port.
+
+    start() brings its channels up with all outputs zero and arms the watchdog; exchange() moves all data of
+    the board once; stop() and closing the board turn its outputs off.
+    """
+
+    name = ""
+
+    def __init__(self, board: Board, port: SserialPort, channels: Sequence[int]) -> None:
+        self.board = board
+        self.port = port
+        self.channel_numbers = tuple(channels)
+        self.mask = sum(1 << number for number in channels)
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """The smart-serial channels of this card."""
+        return tuple(self.port.channels[number] for number in self.channel_numbers)
+
+    @property
+    def started(self) -> bool:
+        """Whether all channels of the card move process data."""
+        return self.port.mode == "normal" and self.port.started & self.mask == self.mask
+
+    def start(self) -> None:
+        """Start the card's channels, outputs zero, and arm the watchdog. Raises NoRemote and its like."""
+        self.port.start(self.mask).raise_for_failed()
+        self.board.cycle.arm_watchdog()
+
+    def stop(self) -> None:
+        """Outputs zero, channels stopped."""
+        self.port.stop(self.mask)
+
+    def exchange(self) -> Any:
+        """One exchange of everything on the board: encoders, I/O, watchdog, then all started remotes.
+
+        Returns the DoitResult: `failed` is the mask of channels whose inputs are those of before. Raises
+        WatchdogBite, TransportError, NotStarted.
+        """
+        self.board.cycle.run()
+        return self.port.doit()
+
+    def faults(self) -> list[str]:
+        """The live faults of the card's channels in words, empty if none."""
+        return [f"channel {c.number}: {text}" for c in self.channels for text in c.status.live]
+
+    def raise_for_faults(self) -> None:
+        """Raise CardFault if a channel reports a fault, NotStarted's like if it does not run."""
+        if not self.started:
+            raise CardFault(f"{self.name}: not started, nothing can be switched on; call start() first")
+        faults = self.faults()
+        if faults:
+            raise CardFault(f"{self.name}: not switched on: {'; '.join(faults)}")
+
+
+def identified(port: SserialPort) -> Iterator[Channel]:
+    """The channels on which a remote has answered; looks for remotes first if that disturbs nothing."""
+    for channel in port.channels:
+        port.look_if_stopped(channel.number)
+        if channel.name:
+            yield channel
