@@ -1136,4 +1136,60 @@ typedef struct hm2_mirror_word {
 int hm2_emulator_mirror(hm2_emulator *card, void *shared, hm2_mirror_word *words, uint32_t *seen, size_t count,
                         hm2_error *error);
 
+/* ---- machines for the emulated card (emulator/plant.c, plant_motors.c) ------------------- */
+
+/* A value in a remote's memory: what the host commands, or what the machine reports. */
+typedef struct hm2_plant_signal {
+	hm2_remote *remote; /* NULL: not connected */
+	uint32_t address;   /* in RAM */
+	int32_t bits;       /* of the value, 1..32 */
+	int32_t is_signed;
+	int32_t bit;        /* of the value that is meant; -1: the whole value */
+	double scale;       /* units per raw count */
+} hm2_plant_signal;
+
+/* What all motors have in common: a rotor with inertia and friction, an encoder, limit switches. */
+typedef struct hm2_plant_rotor {
+	double inertia;          /* kg m^2, > 0 */
+	double friction;         /* N m per rad/s */
+	double drag;             /* N m, opposes motion */
+	double load;             /* N m, from outside, positive turns forward */
+	double counts_per_turn;
+	int32_t encoder;         /* input of the card; -1: none */
+	double low_limit, high_limit; /* turns at which the switches close; low > high: no switches */
+	hm2_plant_signal low_switch, high_switch;
+	double angle;            /* rad */
+	double speed;            /* rad/s */
+	double torque;           /* N m, of the motor */
+} hm2_plant_rotor;
+
+/* A DC motor on an amplifier that an analog output commands. */
+typedef struct hm2_dc_motor {
+	hm2_plant_rotor rotor;
+	hm2_plant_signal command; /* V */
+	hm2_plant_signal enable;  /* 0: the amplifier is off */
+	double gain;              /* armature volts per command volt */
+	double resistance;        /* ohm, > 0 */
+	double inductance;        /* H, > 0 */
+	double constant;          /* N m/A, and V per rad/s */
+	double current;           /* A */
+} hm2_dc_motor;
+
+/* A permanent-magnet motor on an 8I20. */
+typedef struct hm2_pm_motor {
+	hm2_plant_rotor rotor;
+	hm2_plant_signal angle;   /* electrical, in turns */
+	hm2_plant_signal current; /* A */
+	hm2_plant_signal enable;
+	double pole_pairs;
+	double constant;          /* N m/A at the best angle */
+} hm2_pm_motor;
+
+#define HM2_PLANT_STEP_PS 50000000LL /* 50 us */
+
+/* Couple a motor to the card: it moves as the card's time goes on. The caller owns the struct, keeps it alive
+ * and looks at it after hm2_emulator_sync. */
+int hm2_emulator_add_dc_motor(hm2_emulator *card, hm2_dc_motor *motor, hm2_error *error);
+int hm2_emulator_add_pm_motor(hm2_emulator *card, hm2_pm_motor *motor, hm2_error *error);
+
 #endif

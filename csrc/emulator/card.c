@@ -82,6 +82,17 @@ static int add_module(struct hm2_emulator *card, const uint32_t *words)
 	return HM2_OK;
 }
 
+int card_add_part(struct hm2_emulator *card, const struct card_module_type *type, void *self)
+{
+	if (card->module_count == CARD_MAX_MODULES)
+		return HM2_ERR_RANGE;
+	struct card_module *module = &card->modules[card->module_count++];
+	memset(&module->descriptor, 0, sizeof module->descriptor);
+	module->type = type;
+	module->self = self;
+	return HM2_OK;
+}
+
 static int add_modules(struct hm2_emulator *card, hm2_error *error)
 {
 	static const uint32_t interrupt[3] = {0x01010001, 0x00020A00, 0};

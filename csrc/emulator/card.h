@@ -109,6 +109,8 @@ int card_identity_write(struct hm2_emulator *card, uint32_t address, uint32_t va
 uint32_t card_idrom_field(const struct hm2_emulator *card, uint32_t offset);
 
 /* card.c */
+/* A part without registers that lives in the card's time: only advance, next_event, fire and destroy. */
+int card_add_part(struct hm2_emulator *card, const struct card_module_type *type, void *self);
 int card_has(const struct hm2_emulator *card, uint8_t gtag); /* a descriptor names it */
 struct card_module *card_find(struct hm2_emulator *card, uint8_t gtag);
 
