@@ -21,7 +21,9 @@ static uint32_t raw_value(const hm2_plant_signal *signal)
 {
 	uint8_t bytes[4] = {0};
 	hm2_remote_peek(signal->remote, RAM_SPACE, signal->address, bytes, (size_t)(signal->bits + 7) / 8);
-	return (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
+	const uint32_t word =
+		(uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
+	return signal->bits < 32 ? word & ((1u << signal->bits) - 1u) : word;
 }
 
 double plant_read(const hm2_plant_signal *signal)

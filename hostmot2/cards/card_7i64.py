@@ -1,4 +1,4 @@
-"""7I64: 24 inputs, 24 outputs and two analog inputs as a smart-serial remote. Source: fact sheet sserial 7.3."""
+"""7I64: 24 inputs, 24 outputs, two analog inputs. Source: fact sheet sserial 7.3."""
 
 from __future__ import annotations
 

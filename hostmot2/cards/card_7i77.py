@@ -187,7 +187,7 @@ def _first_encoder(board: Board, channel: int, port: SserialPort) -> int:
 
 
 class Card7i77d(Card7i77):
-    """One 7I77D: its field outputs switch loads to field ground. It cannot be told from a 7I77 over the wire."""
+    """One 7I77D: its field outputs switch to field ground. Over the wire it is a 7I77."""
 
     name = "7I77D"
     output_type = "sinking"

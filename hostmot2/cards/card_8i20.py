@@ -106,7 +106,8 @@ class Card8i20(RemoteCard):
         if not self.started:
             return f"<8I20 channel {self.channel.number} stopped>"
         faults = ", ".join(self.fault_bits) or "no fault"
-        return f"<8I20 channel {self.channel.number} {self.current:+.2f} A, bus {self.bus_voltage:.1f} V, {faults}>"
+        volts = f"bus {self.bus_voltage:.1f} V"
+        return f"<8I20 channel {self.channel.number} {self.current:+.2f} A, {volts}, {faults}>"
 
 
 def _names(word: int, names: tuple[str, ...]) -> list[str]:

@@ -202,6 +202,7 @@ class EmulatedBoard:
         """The `hm2_emulator *` of the C core."""
         self._bus: Any = None
         self._plugged: set[int] = set()
+        self._kept: list[object] = []
         self._mux_delay_ns = 5.0
         self.sserial: list[EmulatedSserialPort] = []
         """The SSERIAL instances."""
@@ -223,6 +224,10 @@ class EmulatedBoard:
         values = [words] if isinstance(words, int) else list(words)
         buffer = ffi.new("uint32_t[]", values)
         check(lib.hm2_emulator_write(self.handle, address, buffer, len(values), self._error), self._error)
+
+    def keep(self, part: object) -> None:
+        """Keep `part` alive as long as the board: something the core works on."""
+        self._kept.append(part)
 
     def advance(self, us: float) -> None:
         """Let virtual time pass, in microseconds. On a real clock time passes by itself."""

@@ -165,7 +165,8 @@ class DescribedRemote(EmulatedRemote):
         """All parameters by name as the tables spell it; non-volatile kinds live in EEPROM."""
         return {field.name: field for field in self.image.parameters.values()}
 
-    def _field(self, name: str) -> Field:
+    def field(self, name: str) -> Field:
+        """The declaration of an element or parameter, by name in any capitals. KeyError: no such name."""
         wanted = name.lower()
         if wanted in self.image.parameters:
             return self.image.parameters[wanted]
@@ -178,7 +179,7 @@ class DescribedRemote(EmulatedRemote):
 
     def get_raw(self, name: str) -> int:
         """The bits of an element or parameter as an unsigned integer. KeyError: no such name."""
-        field = self._field(name)
+        field = self.field(name)
         space = EEPROM if field.kind in NONVOLATILE else RAM
         return int.from_bytes(self.peek(field.address, byte_count(field.bits), space=space), "little")
 
@@ -187,7 +188,7 @@ class DescribedRemote(EmulatedRemote):
 
         ValueError: an output (the host's), or bits beyond the element's width. KeyError: no such name.
         """
-        field = self._field(name)
+        field = self.field(name)
         if field.direction is Direction.OUTPUT and field.name.lower() not in self.image.parameters:
             raise ValueError(f"{self.name} {field.name} is an output: only the host sets it")
         if not 0 <= raw < 1 << field.bits:
@@ -200,7 +201,7 @@ class DescribedRemote(EmulatedRemote):
 
         Names in any capitals. KeyError: no such name.
         """
-        return decode(self._field(name), self.get_raw(name))
+        return decode(self.field(name), self.get_raw(name))
 
     def set(self, name: str, value: Value) -> None:
         """Set an input, a bidirectional element or a parameter, in its unit.
@@ -208,7 +209,7 @@ class DescribedRemote(EmulatedRemote):
         Scaled values are rounded to the nearest raw value and limited to the element's range, counters wrap.
         ValueError: an output, NaN, or more bits than there are. KeyError: no such name.
         """
-        self.set_raw(name, encode(self._field(name), value))
+        self.set_raw(name, encode(self.field(name), value))
 
     # -- what outlives a power cycle
 

@@ -23,8 +23,8 @@ TURN = 2 * math.pi
 class Rotor:
     """What turns: SI units, angles in turns.
 
-    inertia kg m^2; friction N m per rad/s; drag N m, opposes motion; load N m, from outside. limits: turns at
-    which the low and the high limit switch close, None for no switches. index_counts: width of the index pulse.
+    inertia kg m^2; friction N m per rad/s; drag N m, opposes motion; load N m, from outside. limits: turns
+    at which the low and the high limit switch close, None: no switches. index_counts: width of the index.
     """
 
     inertia: float = 2e-4
@@ -143,7 +143,9 @@ def couple_pm_motor(
     drive = _described(board, channel)
     motor: Any = ffi.new("hm2_pm_motor *")
     _signal(motor.angle, drive, "angle")
-    _signal(motor.current, drive, "current")
+    _signal(motor.current, drive, "qsetpoint")
+    motor.angle.scale = 1.0 / 0xFFFF
+    motor.current.scale = float(drive.get("maxcurrent")) / 0x7FFF
     _signal(motor.enable, drive, "pidon")
     motor.pole_pairs, motor.constant = constants.pole_pairs, constants.constant
     _rotor(board, motor.rotor, constants.rotor, encoder)
