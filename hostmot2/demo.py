@@ -60,9 +60,10 @@ def run(board: Board, count: int, *, show: bool) -> Histogram:
     found = port.scan()
     if show:
         click.echo(f"\nsmart serial, SSLBP {port.revision}:\n{found}")
-    result = port.start(sum(1 << row.channel for row in found if row.found))
-    result.raise_for_failed()
-    mask = result.started
+    mask = sum(1 << row.channel for row in found if row.found)
+    if not mask:
+        raise click.ClickException("no remote answers, so there is nothing to time")
+    port.start(mask).raise_for_failed()
     port.doit(mask)  # the first one waits for an exchange that is under way
     histogram = Histogram()
     failed = 0

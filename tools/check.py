@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import sys
+import sysconfig
 import threading
 import time
 from collections.abc import Callable
@@ -173,7 +174,7 @@ def c_analyze() -> str:
 @step
 def c_strict() -> str:
     """Strict warnings as errors on every C file."""
-    run(*MAKE, "-k", "strict")
+    run(*MAKE, "-k", "strict", f"PYTHON_INCLUDE={sysconfig.get_path('include')}")
     return "-Wall -Wextra -Wconversion -Wshadow -Wstrict-prototypes -Werror"
 
 
@@ -193,10 +194,13 @@ def package() -> str:
     run(PYTHON, "-m", "abi3audit", "--strict", str(wheel))
     place = out / "installed"
     run(PYTHON, "-m", "pip", "install", "-q", "--no-deps", "--target", str(place), str(wheel))
-    (extension,) = (place / "hostmot2").glob("_core*.so")
-    exported = {line.split()[-1] for line in run("nm", "-D", "--defined-only", str(extension)).splitlines()}
-    if exported - {"_init", "_fini"} != {"PyInit__core"}:
-        raise Failed(f"exported symbols: {sorted(exported)}; only PyInit__core should be")
+    for extension in (place / "hostmot2").glob("*.so"):
+        name = extension.name.split(".")[0]
+        exported = {
+            line.split()[-1] for line in run("nm", "-D", "--defined-only", str(extension)).splitlines()
+        }
+        if exported - {"_init", "_fini"} != {f"PyInit_{name}"}:
+            raise Failed(f"{name} exports {sorted(exported)}; it should be PyInit_{name} alone")
     program = "import hostmot2; print(hostmot2.__file__, hostmot2.open('emu://5i25+7i77').idrom.board_name)"
     said = run(PYTHON, "-P", "-c", program, env={"PYTHONPATH": str(place)}, cwd=out)
     if str(place) not in said:

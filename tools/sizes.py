@@ -13,7 +13,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 FUNCTION = 40
 FILE = {".c": 400, ".h": 400, ".py": 500}
-PLACES = ("csrc/**/*.c", "csrc/**/*.h", "hostmot2/**/*.py", "registers/*.py", "tools/*.py")
+PLACES = ("csrc/**/*.c", "csrc/**/*.h", "hostmot2/*.c", "hostmot2/**/*.py", "registers/*.py", "tools/*.py")
 GENERATED = {"csrc/registers.h", "hostmot2/registers.py", "hostmot2/_core.c"}
 HEAD = re.compile(r"^[A-Za-z_].*?\b(\w+)\(")  # a line at the margin that names a function
 

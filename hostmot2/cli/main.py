@@ -21,6 +21,7 @@ COMMANDS: dict[str, str] = {
     "peek": "hostmot2.cli.registers:peek",
     "poke": "hostmot2.cli.registers:poke",
     "sserial": "hostmot2.cli.sserial:sserial",
+    "bench": "hostmot2.bench.command:bench",
     "discover": "hostmot2.cli.ethernet:discover_cards",
     "ip": "hostmot2.cli.ethernet:ip",
     "flash": "hostmot2.cli.ethernet:flash",
