@@ -36,7 +36,9 @@ def run_benchmark(name: str, count: int | None = None) -> Report:
     help="Show figures relative to an earlier JSON.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of tables.")
+@click.pass_context
 def bench(
+    context: click.Context,
     names: tuple[str, ...],
     count: int | None,
     output: Path | None,
@@ -45,6 +47,7 @@ def bench(
     as_json: bool,
 ) -> None:
     """Run the benchmarks named, all without a name."""
+    as_json = as_json or getattr(context.obj, "as_json", False)  # hm2 --json bench
     facts = host.facts()
     with host.quiet() as scheduling:
         reports = [run_benchmark(name, count) for name in names or BENCHMARKS]
