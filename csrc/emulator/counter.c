@@ -60,9 +60,20 @@ static int settled(const struct counter *c)
 	return 1;
 }
 
-static int quiet(const struct counter *c)
+static int quiet(const struct counter *c, const struct counter_feed *feed)
 {
-	return c->filtered == c->stage1 && c->stage1 == c->stage2 && c->clearing == CLEAR_NONE;
+	return c->filtered == c->stage1 && c->stage1 == c->stage2 && c->clearing == CLEAR_NONE &&
+	       c->registered == (c->sampled | *feed->probe);
+}
+
+static void sample(struct counter *c, const struct counter_feed *feed, int64_t n)
+{
+	uint8_t before = c->sampled;
+	if (n == c->next_input) {
+		c->sampled = feed->at(feed->self, c->index, n);
+		c->next_input = 0;
+	}
+	c->registered = (feed->sampled ? before : c->sampled) | *feed->probe;
 }
 
 static void filter_tick(struct counter *c)
@@ -148,7 +159,7 @@ static void count_edge(struct counter *c, uint16_t timestamp)
 
 static void step(struct counter *c, const struct counter_feed *feed, const struct divider *timestamp, int64_t n)
 {
-	if (!quiet(c))
+	if (c->stage1 != c->stage2 || c->clearing != CLEAR_NONE)
 		count_edge(c, (uint16_t)divider_count(timestamp, n - 1));
 	c->stage2 = c->stage1;
 	c->stage1 = c->filtered;
@@ -156,10 +167,7 @@ static void step(struct counter *c, const struct counter_feed *feed, const struc
 		filter_tick(c);
 		c->next_tick = 0;
 	}
-	if (n == c->next_input) {
-		c->registered = feed->at(feed->self, c->index, n, c->registered);
-		c->next_input = 0;
-	}
+	sample(c, feed, n);
 	c->clock = n;
 }
 
@@ -168,8 +176,9 @@ void counter_advance(struct counter *c, const struct counter_feed *feed, const s
 {
 	while (c->clock < to) {
 		if (c->next_input == 0)
-			c->next_input = feed->next(feed->self, c->index, c->clock, c->registered);
-		int at_rest = quiet(c) && settled(c);
+			c->next_input = feed->next(feed->self, c->index, c->clock, c->sampled);
+		int rests = quiet(c, feed);
+		int at_rest = rests && settled(c);
 		if (at_rest && c->next_input > to) {
 			c->clock = to;
 			c->next_tick = 0;
@@ -180,7 +189,7 @@ void counter_advance(struct counter *c, const struct counter_feed *feed, const s
 		if (c->next_tick <= c->clock)
 			c->next_tick = divider_next(filter, c->clock + 1);
 		int64_t n = c->clock + 1;
-		if (quiet(c) && !at_rest) {
+		if (rests && !at_rest) {
 			n = c->next_tick < c->next_input ? c->next_tick : c->next_input;
 			if (n > to) {
 				c->clock = to;

@@ -12,13 +12,15 @@
 
 struct counter;
 
-/* Where a counter's lines come from. */
+/* Where a counter's lines come from. Muxed ones are sampled before the input register, the probe is not. */
 struct counter_feed {
 	void *self;
-	/* The first edge after n that may bring other levels into the input register. */
-	int64_t (*next)(void *self, int index, int64_t n, uint8_t registered);
-	/* The input register behind edge n. */
-	uint8_t (*at)(void *self, int index, int64_t n, uint8_t registered);
+	int sampled;
+	const uint8_t *probe; /* COUNTER_PROBE or 0 */
+	/* The first edge after n that may sample other levels than `lines`. */
+	int64_t (*next)(void *self, int index, int64_t n, uint8_t lines);
+	/* What edge n samples. */
+	uint8_t (*at)(void *self, int index, int64_t n);
 };
 
 struct counter {
@@ -31,7 +33,8 @@ struct counter {
 	uint16_t count;
 	uint16_t latch;
 	uint16_t stamp;
-	uint8_t registered; /* levels behind the input register */
+	uint8_t sampled;    /* levels taken from the lines last */
+	uint8_t registered; /* behind the input register */
 	uint8_t filtered;
 	uint8_t stage1;
 	uint8_t stage2;

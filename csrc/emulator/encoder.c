@@ -21,14 +21,14 @@ static uint8_t lines_before(const struct encoder *encoder, int index, int64_t n)
 {
 	const struct encoder_pins *pins = &encoder->pins[index];
 	uint8_t bits = wave_bits(wave_of(encoder, index), card_edge_ps(encoder->bank.card, n));
-	return (uint8_t)((bits & ~pins->fixed) | pins->level | encoder->bank.probe);
+	return (uint8_t)((bits & ~pins->fixed) | pins->level);
 }
 
-static int64_t feed_next(void *self, int index, int64_t n, uint8_t registered)
+static int64_t feed_next(void *self, int index, int64_t n, uint8_t lines)
 {
 	const struct encoder *encoder = self;
 	const struct hm2_emulator *card = encoder->bank.card;
-	if (lines_before(encoder, index, n + 1) != registered)
+	if (lines_before(encoder, index, n + 1) != lines)
 		return n + 1;
 	if ((encoder->pins[index].fixed & 7) == 7)
 		return CARD_NEVER;
@@ -36,9 +36,8 @@ static int64_t feed_next(void *self, int index, int64_t n, uint8_t registered)
 	return change == WAVE_NEVER ? CARD_NEVER : card_clock_at(card, change) + 1;
 }
 
-static uint8_t feed_at(void *self, int index, int64_t n, uint8_t registered)
+static uint8_t feed_at(void *self, int index, int64_t n)
 {
-	(void)registered;
 	return lines_before(self, index, n);
 }
 
@@ -64,7 +63,7 @@ static void *encoder_create(struct hm2_emulator *card, const struct card_descrip
 		encoder_destroy(encoder);
 		return NULL;
 	}
-	encoder->bank.feed = (struct counter_feed){encoder, feed_next, feed_at};
+	encoder->bank.feed = (struct counter_feed){encoder, 0, &encoder->bank.probe, feed_next, feed_at};
 	encoder->bank.set_rate = set_rate;
 	for (int i = 0; i < encoder->bank.count; i++)
 		encoder_pins_find(&encoder->pins[i], &encoder->bank, i);
@@ -87,7 +86,7 @@ static int encoder_outside(void *self, int unit, int number, int *level)
 	const struct wave *wave = wave_of(encoder, unit);
 	uint8_t bit = (uint8_t)(1u << (number - 1));
 	*level = (wave_bits(wave, encoder->bank.card->now_ps + 1) & bit) != 0;
-	return wave->plugged && !(wave->floating & bit);
+	return wave->plugged && !(wave->span.floating & bit);
 }
 
 static void encoder_advance(void *self, int64_t clock)

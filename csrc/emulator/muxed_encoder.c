@@ -113,32 +113,26 @@ static uint8_t sample(const struct muxed_encoder *m, int u, int64_t n)
 	return (uint8_t)((wave_bits(wave_at(m, u, t), t) & ~pins->fixed) | pins->level);
 }
 
-static int64_t feed_next(void *self, int index, int64_t n, uint8_t registered)
+static int64_t feed_next(void *self, int index, int64_t n, uint8_t lines)
 {
 	const struct muxed_encoder *m = self;
 	const struct hm2_emulator *card = m->bank.card;
 	int phase = index & 1;
 	int u = index / 2;
-	if ((registered & COUNTER_PROBE) != m->bank.probe)
-		return n + 1;
-	int64_t at = next_sample(m, phase, n);
-	if (at <= m->unsteady_until || sample(m, u, at) != (registered & ~COUNTER_PROBE))
-		return at + 1;
+	int64_t at = next_sample(m, phase, n + 1);
+	if (at <= m->unsteady_until || sample(m, u, at) != lines)
+		return at;
 	int64_t t = line_ps(m, at);
 	int64_t change = wave_next(wave_at(m, u, t), t);
 	if (change == WAVE_NEVER || (m->units[u].pins.fixed & 7) == 7)
 		return CARD_NEVER;
 	/* Seen by the first sample whose line time is behind the change. */
-	return next_sample(m, phase, card_clock_at(card, change + card->mux_delay_ps) + 1) + 1;
+	return next_sample(m, phase, card_clock_at(card, change + card->mux_delay_ps) + 1);
 }
 
-static uint8_t feed_at(void *self, int index, int64_t n, uint8_t registered)
+static uint8_t feed_at(void *self, int index, int64_t n)
 {
-	const struct muxed_encoder *m = self;
-	uint8_t lines = registered & (uint8_t)~COUNTER_PROBE;
-	if (samples(m, index & 1, n - 1))
-		lines = sample(m, index / 2, n - 1);
-	return lines | m->bank.probe;
+	return sample(self, index / 2, n);
 }
 
 static void unsteady(struct muxed_encoder *m)
@@ -191,7 +185,7 @@ static void *muxed_create(struct hm2_emulator *card, const struct card_descripto
 		muxed_destroy(m);
 		return NULL;
 	}
-	m->bank.feed = (struct counter_feed){m, feed_next, feed_at};
+	m->bank.feed = (struct counter_feed){m, 1, &m->bank.probe, feed_next, feed_at};
 	m->bank.set_rate = set_rate;
 	m->spans[0].divider = m->bank.filter;
 	m->spans[0].from = INT64_MIN;
@@ -243,7 +237,7 @@ static int muxed_outside(void *self, int unit, int number, int *level)
 	const struct wave *wave = wave_at(m, unit, t);
 	uint8_t bit = (uint8_t)(1u << (number - 1));
 	*level = (wave_bits(wave, t) & bit) != 0;
-	return wave->plugged && !(wave->floating & bit);
+	return wave->plugged && !(wave->span.floating & bit);
 }
 
 static void muxed_advance(void *self, int64_t clock)

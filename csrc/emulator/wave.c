@@ -2,6 +2,8 @@
  * of motion starts a new span at the position reached, fraction included, so nothing is ever lost. */
 #include "wave.h"
 
+#include <string.h>
+
 /* One count in the units of `fraction`: 2^20 * 10^12, so that rate * picoseconds has these units too. */
 #define ONE_COUNT (INT64_C(1048576) * INT64_C(1000000000000))
 
@@ -13,142 +15,176 @@ static int64_t floor_div(wide a, wide b)
 	return (int64_t)(a % b < 0 ? q - 1 : q);
 }
 
-static wide rate_value(const struct wave *wave, int64_t t)
+static wide rate_value(const struct wave_span *span, int64_t t)
 {
-	return (wide)wave->fraction + (wide)wave->rate * (t - wave->start_ps);
+	return (wide)span->fraction + (wide)span->rate * (t - span->start_ps);
+}
+
+static int64_t run_length(const struct wave_span *span)
+{
+	int64_t counts = span->counts < 0 ? -span->counts : span->counts;
+	return span->mode == WAVE_STEPS ? 2 * counts : counts;
 }
 
 /* Edges of a run that lie before t. */
-static int64_t run_edges(const struct wave *wave, int64_t t)
+static int64_t run_edges(const struct wave_span *span, int64_t t)
 {
-	int64_t total = wave->counts < 0 ? -wave->counts : wave->counts;
-	if (wave->mode == WAVE_STEPS)
-		total *= 2;
-	if (t <= wave->start_ps)
+	int64_t total = run_length(span);
+	if (t <= span->start_ps)
 		return 0;
-	int64_t edges = (t - 1 - wave->start_ps) / wave->period_ps;
+	int64_t edges = (t - 1 - span->start_ps) / span->period_ps;
 	return edges < total ? edges : total;
+}
+
+static int64_t span_position(const struct wave_span *span, int64_t t)
+{
+	if (t <= span->start_ps)
+		return span->position;
+	if (span->mode == WAVE_RUN)
+		return span->position + (span->counts < 0 ? -run_edges(span, t) : run_edges(span, t));
+	if (span->mode == WAVE_RATE)
+		return span->position + floor_div(rate_value(span, t - 1), ONE_COUNT);
+	return span->position;
+}
+
+static const struct wave_span *span_at(const struct wave *wave, int64_t t)
+{
+	const struct wave_span *span = &wave->span;
+	for (int i = 0; i < WAVE_PAST && t <= span->start_ps; i++)
+		span = &wave->past[i];
+	return span;
 }
 
 int64_t wave_position(const struct wave *wave, int64_t t)
 {
-	if (t <= wave->start_ps)
-		return wave->position;
-	if (wave->mode == WAVE_RUN)
-		return wave->position + (wave->counts < 0 ? -run_edges(wave, t) : run_edges(wave, t));
-	if (wave->mode == WAVE_RATE)
-		return wave->position + floor_div(rate_value(wave, t - 1), ONE_COUNT);
-	return wave->position;
+	return span_position(span_at(wave, t), t);
 }
 
-static int index_level(const struct wave *wave, int64_t position)
+static int index_level(const struct wave_span *span, int64_t position)
 {
-	if (wave->index_every <= 0)
-		return wave->index_level;
-	int64_t rest = position % wave->index_every;
-	return (rest < 0 ? rest + wave->index_every : rest) < wave->index_width;
+	if (span->index_every <= 0)
+		return span->index_level;
+	int64_t rest = position % span->index_every;
+	return (rest < 0 ? rest + span->index_every : rest) < span->index_width;
+}
+
+static uint8_t span_bits(const struct wave_span *span, int64_t t)
+{
+	static const uint8_t quadrature[4] = {0, WAVE_A, WAVE_A | WAVE_B, WAVE_B};
+	uint8_t bits;
+	if (span->mode == WAVE_STILL && span->held)
+		return span->held_bits | span->floating;
+	int64_t position = span_position(span, t);
+	if (span->mode == WAVE_STEPS)
+		bits = (uint8_t)((run_edges(span, t) & 1) | (span->counts > 0 ? WAVE_B : 0));
+	else
+		bits = quadrature[position & 3];
+	if (index_level(span, position))
+		bits |= WAVE_Z;
+	return bits | span->floating;
 }
 
 uint8_t wave_bits(const struct wave *wave, int64_t t)
 {
-	static const uint8_t quadrature[4] = {0, WAVE_A, WAVE_A | WAVE_B, WAVE_B};
-	uint8_t bits;
-	if (!wave->plugged)
-		return WAVE_A | WAVE_B | WAVE_Z;
-	if (wave->mode == WAVE_STILL && wave->held)
-		return wave->held_bits | wave->floating;
-	int64_t position = wave_position(wave, t);
-	if (wave->mode == WAVE_STEPS)
-		bits = (uint8_t)((run_edges(wave, t) & 1) | (wave->counts > 0 ? WAVE_B : 0));
-	else
-		bits = quadrature[position & 3];
-	if (index_level(wave, position))
-		bits |= WAVE_Z;
-	return bits | wave->floating;
+	return wave->plugged ? span_bits(span_at(wave, t), t) : WAVE_A | WAVE_B | WAVE_Z;
+}
+
+static int64_t span_next(const struct wave_span *span, int64_t t)
+{
+	if (span->mode == WAVE_STILL)
+		return WAVE_NEVER;
+	if (span->mode != WAVE_RATE) {
+		int64_t edges = run_edges(span, t);
+		return edges < run_length(span) ? span->start_ps + (edges + 1) * span->period_ps : WAVE_NEVER;
+	}
+	if (span->rate == 0)
+		return WAVE_NEVER;
+	wide reached = (wide)(span_position(span, t) - span->position) * ONE_COUNT;
+	if (span->rate > 0)
+		return span->start_ps - floor_div((wide)span->fraction - reached - ONE_COUNT, (wide)span->rate);
+	return span->start_ps + floor_div((wide)span->fraction - reached, -(wide)span->rate) + 1;
 }
 
 int64_t wave_next(const struct wave *wave, int64_t t)
 {
-	if (!wave->plugged || wave->mode == WAVE_STILL)
+	if (!wave->plugged)
 		return WAVE_NEVER;
-	if (wave->mode != WAVE_RATE) {
-		int64_t total = wave->counts < 0 ? -wave->counts : wave->counts;
-		int64_t edges = run_edges(wave, t);
-		if (wave->mode == WAVE_STEPS)
-			total *= 2;
-		return edges < total ? wave->start_ps + (edges + 1) * wave->period_ps : WAVE_NEVER;
-	}
-	if (wave->rate == 0)
-		return WAVE_NEVER;
-	wide reached = (wide)(wave_position(wave, t) - wave->position) * ONE_COUNT;
-	if (wave->rate > 0)
-		return wave->start_ps -
-		       floor_div((wide)wave->fraction - reached - ONE_COUNT, (wide)wave->rate);
-	return wave->start_ps + floor_div((wide)wave->fraction - reached, -(wide)wave->rate) + 1;
+	/* Before the present span it is enough to look again when the next one starts. */
+	const struct wave_span *span = span_at(wave, t);
+	int64_t next = span_next(span, t);
+	int64_t end = span == &wave->span ? WAVE_NEVER : t;
+	return next < end ? next : end;
 }
 
 /* A new span from where the encoder is now. */
-static void restart(struct wave *wave, int64_t now)
+static struct wave_span *restart(struct wave *wave, int64_t now)
 {
-	int64_t position = wave_position(wave, now + 1);
-	if (wave->mode == WAVE_RATE) {
-		wide value = rate_value(wave, now);
-		wave->fraction = (int64_t)(value - (wide)floor_div(value, ONE_COUNT) * ONE_COUNT);
-	} else if (wave->mode == WAVE_RUN) {
-		wave->fraction = 0;
+	struct wave_span *span = &wave->span;
+	int64_t position = span_position(span, now + 1);
+	if (span->start_ps < now) {
+		memmove(&wave->past[1], &wave->past[0], (WAVE_PAST - 1) * sizeof wave->past[0]);
+		wave->past[0] = *span;
 	}
-	wave->position = position;
-	wave->start_ps = now;
+	if (span->mode == WAVE_RATE) {
+		wide value = rate_value(span, now);
+		span->fraction = (int64_t)(value - (wide)floor_div(value, ONE_COUNT) * ONE_COUNT);
+	} else if (span->mode == WAVE_RUN) {
+		span->fraction = 0;
+	}
+	span->position = position;
+	span->start_ps = now;
+	span->held = 0;
+	span->mode = WAVE_STILL;
 	wave->plugged = 1;
-	wave->held = 0;
-	wave->mode = WAVE_STILL;
+	return span;
 }
 
 void wave_run(struct wave *wave, int64_t now, int64_t period_ps, int64_t counts)
 {
-	restart(wave, now);
-	wave->mode = WAVE_RUN;
-	wave->period_ps = period_ps;
-	wave->counts = counts;
+	struct wave_span *span = restart(wave, now);
+	span->mode = WAVE_RUN;
+	span->period_ps = period_ps;
+	span->counts = counts;
 }
 
 void wave_steps(struct wave *wave, int64_t now, int64_t period_ps, int64_t pulses)
 {
-	restart(wave, now);
-	wave->mode = WAVE_STEPS;
-	wave->period_ps = period_ps / 2;
-	wave->counts = pulses;
+	struct wave_span *span = restart(wave, now);
+	span->mode = WAVE_STEPS;
+	span->period_ps = period_ps / 2;
+	span->counts = pulses;
 }
 
 void wave_rate(struct wave *wave, int64_t now, int64_t rate)
 {
-	restart(wave, now);
-	wave->mode = WAVE_RATE;
-	wave->rate = rate;
+	struct wave_span *span = restart(wave, now);
+	span->mode = WAVE_RATE;
+	span->rate = rate;
 }
 
 void wave_set(struct wave *wave, int64_t now, int a, int b, int z)
 {
 	static const uint8_t phase[4] = {0, 1, 3, 2}; /* position whose A, B these are */
-	restart(wave, now);
-	wave->held = 1;
-	wave->held_bits = (uint8_t)((a == 1 ? WAVE_A : 0) | (b == 1 ? WAVE_B : 0) | (z == 1 ? WAVE_Z : 0));
-	wave->floating = (uint8_t)((a < 0 ? WAVE_A : 0) | (b < 0 ? WAVE_B : 0) | (z < 0 ? WAVE_Z : 0));
-	wave->position = (wave->position & ~INT64_C(3)) | phase[wave->held_bits & 3];
-	wave->fraction = 0;
-	wave->index_level = z == 1;
+	struct wave_span *span = restart(wave, now);
+	span->held = 1;
+	span->held_bits = (uint8_t)((a == 1 ? WAVE_A : 0) | (b == 1 ? WAVE_B : 0) | (z == 1 ? WAVE_Z : 0));
+	span->floating = (uint8_t)((a < 0 ? WAVE_A : 0) | (b < 0 ? WAVE_B : 0) | (z < 0 ? WAVE_Z : 0));
+	span->position = (span->position & ~INT64_C(3)) | phase[span->held_bits & 3];
+	span->fraction = 0;
+	span->index_level = z == 1;
 }
 
+/* Motion goes on, with another pattern. */
 void wave_index(struct wave *wave, int64_t every, int64_t width)
 {
-	wave->index_every = every;
-	wave->index_width = width;
+	wave->span.index_every = every;
+	wave->span.index_width = width;
 	wave->plugged = 1;
 }
 
 void wave_preset(struct wave *wave, int64_t now, int64_t position)
 {
-	restart(wave, now);
-	wave->position = position;
-	wave->fraction = 0;
+	struct wave_span *span = restart(wave, now);
+	span->position = position;
+	span->fraction = 0;
 }

@@ -11,12 +11,12 @@
 
 enum wave_mode { WAVE_STILL, WAVE_RUN, WAVE_RATE, WAVE_STEPS };
 
-struct wave {
-	int plugged;
+/* One way of moving, from start_ps on. */
+struct wave_span {
 	enum wave_mode mode;
 	int64_t start_ps;
 	int64_t position; /* counts at start_ps */
-	int64_t period_ps; /* RUN: per count; STEPS: per pulse */
+	int64_t period_ps; /* RUN: per count; STEPS: per half pulse */
 	int64_t counts;    /* RUN, STEPS: how many, with sign */
 	int64_t rate;      /* RATE: 2^-20 counts per second */
 	int64_t fraction;  /* RATE: 2^-20 * 10^-12 counts beyond position */
@@ -26,6 +26,15 @@ struct wave {
 	uint8_t floating;    /* lines let go */
 	uint8_t held;        /* levels came from `set` and hold until it moves */
 	uint8_t held_bits;
+};
+
+#define WAVE_PAST 6
+
+/* Some spans before are kept, newest first: cables and multiplexers show the past. */
+struct wave {
+	int plugged;
+	struct wave_span span;
+	struct wave_span past[WAVE_PAST];
 };
 
 /* Line levels just before t: an edge at t itself is not seen yet. A floating line reads 1. */

@@ -13,6 +13,7 @@ import pytest
 
 from hostmot2.emulator import CardDescription, EmulatedBoard
 from hostmot2.emulator.cards import GPIO, IOPORT, QCOUNT, WATCHDOG, ModuleWords, pin
+from hostmot2.emulator.cards import card as known_card
 
 CARD = CardDescription(
     name="plain encoders",
@@ -87,4 +88,117 @@ def test_counter_follows_the_plain_reference(seed: int) -> None:
         assert board.read(0x3000) == reference.stamp << 16 | reference.count
         control_read = board.read(0x3100)
         assert control_read == reference.latch << 16 | reference.error << 15 | control | (reference.one & 7)
-    assert reference.error or limit == 15 or reference.count
+
+
+QUADRATURE = (0, 1, 3, 2)
+PERIOD = 30_000  # picoseconds
+
+
+class Motion:
+    """What an encoder does: runs of equidistant edges, one after the other; times in picoseconds."""
+
+    def __init__(self) -> None:
+        self.runs = [(-1, 0, 1, 0)]  # start, position there, period, counts
+
+    def run(self, now: int, period: int, counts: int) -> None:
+        self.runs.append((now, self.at(now + 1), period, counts))
+
+    def at(self, time: int) -> int:
+        """The position just before `time`."""
+        start, position, period, counts = next(
+            run for run in reversed(self.runs) if run[0] < time or run[0] < 0
+        )
+        edges = min(max(0, (time - 1 - start) // period), abs(counts))
+        return position + (edges if counts > 0 else -edges)
+
+    def lines(self, time: int) -> int:
+        position = self.at(time)
+        return QUADRATURE[position % 4] | (4 if position % 10 < 3 else 0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_plain_encoder_sees_a_moving_encoder_at_each_edge(seed: int) -> None:
+    rng = random.Random(seed)
+    board = EmulatedBoard(CARD, clock="virtual")
+    encoder = board.encoder_input(0)
+    encoder.index_every(10, 3)
+    board.write(0x3400, 0xFFF)
+    board.write(0x3100, 0x18)
+    reference, motion = Reference(3, 1), Motion()
+    for _ in range(60):
+        period, counts = rng.choice([45_000, 90_000, 100_001, 240_000, 1_000_000]), rng.randrange(-30, 30)
+        encoder.run(period / 1000, counts)
+        motion.run(board.clocks * PERIOD, period, counts)
+        for _ in range(rng.choice([1, 10, 200])):
+            edge = reference.clock + 1
+            time = edge * PERIOD - PERIOD // 2
+            reference.edge(motion.lines(time), edge >= 2, (edge - 1) // 2 & 0xFFFF)
+        board.advance_clocks(reference.clock - board.clocks)
+        assert board.read(0x3000) == reference.stamp << 16 | reference.count
+        assert board.read(0x3100) >> 16 == reference.latch
+        assert encoder.position == motion.at(reference.clock * PERIOD + 1)
+
+
+class Multiplexer:
+    """The select counter, its pin and the sampling of two encoders, an edge at a time (card observed 4)."""
+
+    def __init__(self) -> None:
+        self.rate, self.down, self.deskew, self.delay = 2, 0, 0, 5_000
+        self.history = [0] * 64  # select counter behind the last edges, newest first
+        self.sampled = 0
+        self.demuxed = [0, 0]
+        self.pins: list[int] = [0]  # Sel0 behind each edge
+
+    def edge(self, clock: int, motions: list[Motion]) -> tuple[bool, list[int]]:
+        """Returns whether the filters tick, and the lines the two counters register with this edge."""
+        registered = list(self.demuxed)
+        now, before = self.history[self.deskew + 1], self.sampled
+        if now != before:
+            phase = 0 if now else 1
+            time = clock * PERIOD - PERIOD // 2 - self.delay
+            pin_edge = (time - 1 + PERIOD // 2) // PERIOD
+            select = self.pins[pin_edge] if pin_edge >= 0 else 0
+            self.demuxed[phase] = motions[select].lines(time)
+        self.sampled = now
+        tick = self.down < 0
+        counter = self.history[0] ^ tick
+        self.pins.append(self.history[1])
+        self.history = [counter, *self.history[:-1]]
+        self.down = (-1 if self.rate & 0x800 else self.rate) if tick else self.down - 1
+        return tick, registered
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_muxed_pair_follows_the_plain_reference(seed: int) -> None:
+    rng = random.Random(seed)
+    board = EmulatedBoard(known_card("5i25+7i77"), clock="virtual")
+    encoders = [board.encoder_input(n) for n in (0, 1)]
+    for encoder in encoders:
+        encoder.index_every(10, 3)
+    board.write(0x1200, 0x80)
+    board.write(0x1100, 0x80)
+    for n in (0, 4):
+        board.write(0x3600 + n, 0x18)
+    references, motions, mux = [Reference(3, 1), Reference(3, 1)], [Motion(), Motion()], Multiplexer()
+    for _ in range(60):
+        which = rng.randrange(2)
+        period = rng.choice([120_000, 235_001, 240_000, 245_000, 500_000, 3_000_000])
+        counts = rng.randrange(-60, 60)
+        encoders[which].run(period / 1000, counts)
+        motions[which].run(board.clocks * PERIOD, period, counts)
+        if rng.random() < 0.2:
+            mux.rate, mux.deskew = rng.choice([0, 1, 2, 6, 0xFFF]), rng.choice([0, 0, 1, 2, 7])
+            board.write(0x3900, mux.deskew << 28 | mux.rate)
+        if references[0].clock > 20 and rng.random() < 0.1:
+            mux.delay = rng.choice([5_000, 20_000, 65_000, 130_000])
+            board.mux_delay_ns = mux.delay / 1000
+        for _ in range(rng.choice([1, 3, 10, 300])):
+            edge = references[0].clock + 1
+            tick, lines = mux.edge(edge, motions)
+            for reference, registered in zip(references, lines, strict=True):
+                reference.edge(registered, tick, (edge - 1) // 2 & 0xFFFF)
+        board.advance_clocks(references[0].clock - board.clocks)
+        for n, reference in enumerate(references):
+            assert board.read(0x3500 + 4 * n) == reference.stamp << 16 | reference.count
+            assert board.read(0x3600 + 4 * n) >> 16 == reference.latch
+            assert board.read(0x3600 + 4 * n) >> 15 & 1 == reference.error
