@@ -62,10 +62,10 @@ static double dragged(double speed, double other_torque, const hm2_plant_rotor *
 /* Where the encoder is by now, fractions of a count included. */
 static double encoder_position(const struct wave *wave, int64_t now)
 {
-	if (wave->mode != WAVE_RATE)
+	if (wave->span.mode != WAVE_RATE)
 		return (double)wave_position(wave, now);
-	const double moved = (double)wave->rate * (double)(now - wave->start_ps) + (double)wave->fraction;
-	return (double)wave->position + moved / (RATE_ONE * 1e12);
+	const double moved = (double)wave->span.rate * (double)(now - wave->span.start_ps) + (double)wave->span.fraction;
+	return (double)wave->span.position + moved / (RATE_ONE * 1e12);
 }
 
 /* Aims at where the rotor is, so that encoder and rotor never drift apart. */
@@ -75,7 +75,7 @@ static void drive_encoder(struct hm2_emulator *card, const hm2_plant_rotor *roto
 	const double behind = rotor->angle / TURN * rotor->counts_per_turn - encoder_position(wave, card->now_ps);
 	const double rate = fmax(-MAX_RATE, fmin(MAX_RATE, behind / seconds));
 	const int64_t wanted = llround(rate * RATE_ONE);
-	if (wave->mode == WAVE_RATE && wave->rate == wanted)
+	if (wave->span.mode == WAVE_RATE && wave->span.rate == wanted)
 		return;
 	wave_rate(wave, card->now_ps, wanted);
 	wave->plugged = 1;
