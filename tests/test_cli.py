@@ -131,3 +131,38 @@ def test_the_table_of_commands_can_all_be_imported(hm2) -> None:
     status, out, _ = hm2("--help")
     assert status == 0
     assert all(name in out for name in COMMANDS)
+
+
+def test_two_dumps_of_a_card_differ_where_it_was_written(hm2, tmp_path) -> None:
+    first, second = tmp_path / "first.hm2dump", tmp_path / "second.hm2dump"
+    assert hm2(*EMULATED, "dump", "-o", str(first))[0] == 0
+    second.write_text(first.read_text().replace("1104 00000000", "1104 00000155"))
+    status, out, _ = hm2("diff", str(first), str(second), "--json")
+    assert status == 0
+    assert json.loads(out) == [{"address": 0x1104, "name": "ioport 1 ddr", "left": 0, "right": 0x155}]
+    assert hm2("diff", str(first), str(first))[1] == "no difference\n"
+    assert "MESA5I25" in hm2("--board", f"dump://{first}", "info")[1]
+
+
+@pytest.mark.parametrize("what", ["HM2-E053", "E053", "WrongCookie"])
+def test_an_error_code_is_explained_by_any_of_its_names(hm2, what: str) -> None:
+    status, out, _ = hm2("explain", what)
+    assert status == 0
+    assert "0x55AACAFE" in out
+
+
+def test_every_error_code_is_explained_and_belongs_to_one_error(hm2) -> None:
+    found = json.loads(hm2("explain", "--json")[1])
+    codes = [entry["code"] for entry in found]
+    assert len(codes) == len(set(codes))
+    assert all(entry["meaning"] for entry in found)
+    assert {"TransportTimeout", "NoRemote", "BrokenTable"} <= {entry["error"] for entry in found}
+
+
+def test_a_status_word_is_explained(hm2) -> None:
+    """sserial.md 3.2: remote fault 4 active."""
+    document = json.loads(hm2("explain", "CS=0x04422140", "--json")[1])
+    assert document["state"] == "running"
+    assert document["live"] == ["over temperature"]
+    assert "communication error" in document["sticky"]
+    assert hm2("explain", "E999")[0] == 2

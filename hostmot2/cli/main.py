@@ -20,6 +20,8 @@ COMMANDS: dict[str, str] = {
     "pins": "hostmot2.cli.identify:pins",
     "peek": "hostmot2.cli.registers:peek",
     "poke": "hostmot2.cli.registers:poke",
+    "dump": "hostmot2.cli.dump:dump",
+    "diff": "hostmot2.cli.dump:diff",
     "sserial": "hostmot2.cli.sserial:sserial",
     "bench": "hostmot2.bench.command:bench",
     "discover": "hostmot2.cli.ethernet:discover_cards",
@@ -28,6 +30,7 @@ COMMANDS: dict[str, str] = {
     "reload": "hostmot2.cli.ethernet:reload",
     "emulate": "hostmot2.cli.emulate:emulate",
     "emu": "hostmot2.cli.emulate:emu",
+    "explain": "hostmot2.cli.explain:explain",
 }
 """Name -> module:command. A module is imported when its command is used, so that `hm2 info` is quick."""
 
