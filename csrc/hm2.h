@@ -462,6 +462,18 @@ int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm
                         int through_pins);
 int hm2_emulator_sserial_channels(const hm2_emulator *card, int instance); /* 0: no such instance */
 
+/* A byte seen on one of the serial lines of an SSERIAL instance. */
+typedef struct hm2_line_record {
+	hm2_line_byte byte;
+	int32_t channel;
+	int32_t to_remote; /* 1 sent by the card, 0 by the remote */
+} hm2_line_record;
+
+#define HM2_LINE_RECORDS_KEPT 4096
+
+/* Takes up to `capacity` of the last HM2_LINE_RECORDS_KEPT bytes, oldest first; returns how many. */
+size_t hm2_emulator_line_records(hm2_emulator *card, int instance, hm2_line_record *records, size_t capacity);
+
 int hm2_emulator_pins(const hm2_emulator *card);
 int hm2_emulator_pin_drive(hm2_emulator *card, int pin, int level);
 int hm2_emulator_pin_level(hm2_emulator *card, int pin); /* HM2_LEVEL_*; HM2_ERR_RANGE */

@@ -217,6 +217,14 @@ int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm
 	return sserial_attach(module, instance, channel, remote, through_pins);
 }
 
+size_t hm2_emulator_line_records(hm2_emulator *card, int instance, hm2_line_record *records, size_t capacity)
+{
+	for (int i = 0; i < card->module_count; i++)
+		if (card->modules[i].type == &sserial_type)
+			return sserial_line_records(&card->modules[i], instance, records, capacity);
+	return 0;
+}
+
 int hm2_emulator_sserial_channels(const hm2_emulator *card, int instance)
 {
 	for (int i = 0; i < card->module_count; i++)

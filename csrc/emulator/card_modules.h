@@ -70,5 +70,7 @@ struct encoder_latch {
 int sserial_attach(struct card_module *module, int instance, int channel, struct hm2_remote *remote,
                    int through_pins);
 int sserial_channels(const struct card_module *module, int instance);
+size_t sserial_line_records(const struct card_module *module, int instance, hm2_line_record *records,
+                            size_t capacity);
 
 #endif

@@ -178,6 +178,15 @@ int sserial_channels(const struct card_module *module, int instance)
 	return instance >= 0 && instance < sserial->count ? sserial->instances[instance].channels : 0;
 }
 
+size_t sserial_line_records(const struct card_module *module, int instance, hm2_line_record *records,
+                            size_t capacity)
+{
+	const struct sserial *sserial = module->self;
+	if (instance < 0 || instance >= sserial->count)
+		return 0;
+	return hm2_sslbp_line_records(sserial->instances[instance].sslbp, records, capacity);
+}
+
 const struct card_module_type sserial_type = {
 	.gtag = GTAG_SSERIAL,
 	.create = sserial_create,

@@ -20,5 +20,7 @@ void hm2_sslbp_advance(struct hm2_sslbp *sslbp, int64_t now_ps);
 /* reg: register number (0 COMMAND, 1 DATA, 2 CS, 3.. interface data); channel for CS and data. */
 uint32_t hm2_sslbp_read(struct hm2_sslbp *sslbp, int reg, int channel);
 void hm2_sslbp_write(struct hm2_sslbp *sslbp, int reg, int channel, uint32_t value);
+/* Takes bytes seen on the lines, oldest first (see hm2_emulator_line_records). */
+size_t hm2_sslbp_line_records(struct hm2_sslbp *sslbp, hm2_line_record *records, size_t capacity);
 
 #endif

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from types import TracebackType
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 from hostmot2._core import ffi, lib
 from hostmot2.emulator.cards import IDROM_WORDS, CardDescription, card
@@ -27,6 +27,17 @@ class Remote(Protocol):
     @property
     def handle(self) -> Any:
         """The `hm2_remote *`, alive as long as this object."""
+
+
+class LineByte(NamedTuple):
+    """One byte on a serial line, as a line monitor sees it."""
+
+    channel: int
+    to_remote: bool
+    value: int
+    start_us: float
+    bit_us: float
+    framing_error: bool
 
 
 class EmulatedPin:
@@ -137,6 +148,27 @@ class EmulatedSserialPort:
         """What hangs on a channel, brought up to now."""
         lib.hm2_emulator_sync(self._board.handle)
         return self._remotes.get(channel)
+
+    def take_line_bytes(self) -> list[LineByte]:
+        """What went over the instance's lines since the last call, in the order it was heard.
+
+        Only the last 4096 bytes are kept, so call it often enough. Empty with wire="off".
+        """
+        lib.hm2_emulator_sync(self._board.handle)
+        capacity = lib.HM2_LINE_RECORDS_KEPT
+        records = ffi.new("hm2_line_record[]", capacity)
+        count = lib.hm2_emulator_line_records(self._board.handle, self._instance, records, capacity)
+        return [
+            LineByte(
+                r.channel,
+                bool(r.to_remote),
+                r.byte.value,
+                r.byte.start_ps / 1e6,
+                r.byte.bit_ps / 1e6,
+                bool(r.byte.framing_error),
+            )
+            for r in records[0:count]
+        ]
 
     def _set(self, channel: int, handle: Any, through_pins: bool) -> None:
         status = lib.hm2_emulator_attach(self._board.handle, self._instance, channel, handle, through_pins)
