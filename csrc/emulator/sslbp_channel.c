@@ -69,7 +69,7 @@ static int prepare_setup(struct hm2_sslbp *s, int channel)
 	if (header & 0x20)
 		*size = 0;
 	else
-		*size = header >> 6 == HM2_LBP_KIND_LOCAL ? 1 : (uint8_t)(1 << (header & 3));
+		*size = (uint8_t)(header >> 6 == HM2_LBP_KIND_LOCAL ? 1 : 1 << (header & 3));
 	return 1;
 }
 
