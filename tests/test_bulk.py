@@ -66,10 +66,12 @@ def test_every_raw_value_is_scaled_by_the_written_formula(kind, bits, scale):
 
 
 @pytest.mark.parametrize("bits", [17, 24, 31, 32])
-def test_wide_raw_values_are_scaled_by_the_written_formula(bits):
-    raw = np.random.default_rng(7).integers(0, 1 << bits, 200_000, dtype=np.uint32)
-    data = ProcessData({0: Layout([Field("x", FieldKind.UNSIGNED, bits, IN, 0, 36.3)])}, words=1)
-    assert np.array_equal(data.decode(raw)["x"], raw * 36.3 / ((1 << bits) - 1))
+@pytest.mark.parametrize("scale", [36.3, 1e300, -1e300, 1e-300, 5e-324])
+def test_wide_raw_values_are_scaled_by_the_written_formula(bits, scale):
+    raw = np.random.default_rng(7).integers(0, 1 << bits, 20_000, dtype=np.uint32)
+    data = ProcessData({0: Layout([Field("x", FieldKind.UNSIGNED, bits, IN, -1, scale)])}, words=1)
+    with np.errstate(over="ignore"):
+        assert np.array_equal(data.decode(raw)["x"], raw * scale / ((1 << bits) - 1))
 
 
 def field_io():

@@ -173,6 +173,16 @@ def test_unsigned_beyond_full_scale_saturates():
     assert written(data, -10) == 0
 
 
+@pytest.mark.parametrize("bits", [1, 2, 31, 32, 33, 53, 54, 63, 64])
+def test_full_scale_is_the_largest_raw_value_at_every_width(bits):
+    assert written(single("UNSIGNED", bits, OUT, 0, 10), 10) == (1 << bits) - 1
+    assert written(single("SIGNED", bits, OUT, -10, 10), 10) == (1 << bits - 1) - 1
+    data = single("SIGNED", bits, OUT, -20, 20)
+    data.outputs[0].configure("x", scale=10.0)
+    assert written(data, 20) == (1 << bits - 1) - 1
+    assert written(data, -20) == 1 << bits - 1
+
+
 def test_limits_come_before_scaling():
     data = single("SIGNED", 13, OUT, -10, 10)
     data.outputs[0].configure("x", low=-2.5, high=2.5)

@@ -61,26 +61,30 @@ Unpack = Callable[[bytes], Any]
 Pack = Callable[..., Any]
 
 
+def installed(name: str) -> bool:
+    """Whether a peer can be imported."""
+    try:
+        import_module(name)
+    except ImportError:
+        return False
+    return True
+
+
 def bit_packers() -> dict[str, tuple[Unpack, Pack, Unpack]]:
-    """name: (unpack with scaling, pack with scaling, unpack to plain integers).
+    """name: (unpack with scaling, pack with scaling, unpack to plain integers), of those installed.
 
     These packages count bits from the most significant; register words from the least. Reversing the
     bytes and the order of the fields turns one into the other.
     """
     found = {}
-    for name, module in (
-        ("cbitstruct", "cbitstruct"),
-        ("bitstruct.c", "bitstruct.c"),
-        ("bitstruct", "bitstruct"),
-    ):
-        compiler = import_module(module)
+    for name in ("cbitstruct", "bitstruct.c", "bitstruct"):
+        if not installed(name):
+            continue
+        compiler = import_module(name)
         unpacker = compiler.compile("s12s12u8u8u8u8u8u32")
         packer = compiler.compile("u1u1s13s13s13s13s13s13u16")
-        found[name] = (
-            _unpack_with(unpacker.unpack),
-            _pack_with(packer.pack),
-            _integers_with(unpacker.unpack),
-        )
+        scaled, integers = _unpack_with(unpacker.unpack), _integers_with(unpacker.unpack)
+        found[name] = (scaled, _pack_with(packer.pack), integers)
     return found
 
 
@@ -141,8 +145,10 @@ def by_hand(message: bytes) -> tuple[float, ...]:
     )
 
 
-def cantools_messages() -> tuple[Any, Any]:
-    """The same two messages as a CAN database."""
+def cantools_messages() -> tuple[Any, Any] | None:
+    """The same two messages as a CAN database; None without cantools."""
+    if not installed("cantools"):
+        return None
     database = import_module("cantools").database.load_string(_DBC, "dbc", strict=False)
     return database.get_message_by_name("IN"), database.get_message_by_name("OUT")
 

@@ -14,7 +14,9 @@ def draw(reports: list[Report], target: Path) -> None:
 
     Raises ImportError with advice if matplotlib is missing (`pip install hostmot2[plot]`).
     """
-    histograms = {f"{each.name}: {name}": h for each in reports for name, h in each.histograms.items()}
+    histograms = {
+        f"{each.name}: {name}": h for each in reports for name, h in each.histograms.items() if len(h)
+    }
     if not histograms:
         raise ValueError("these benchmarks have no histogram to draw")
     draw_histograms(histograms, target)
