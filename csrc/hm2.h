@@ -745,6 +745,7 @@ typedef struct hm2_ethernet_card {
 	/* Wait for the next rising edge of a DPLL line (0 reference, 1..4 timers), at most timeout_us.
 	 * Returns microseconds waited, or -1 when the time ran out. Without it every wait runs out. */
 	int64_t (*wait_edge)(void *self, int line, uint32_t timeout_us);
+	void (*pause_us)(void *self, int64_t us); /* let time pass; without it the engine's thread sleeps */
 } hm2_ethernet_card;
 
 typedef struct hm2_ethernet_config {

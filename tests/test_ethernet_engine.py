@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from lbp16_reference import Command
 
 from hostmot2 import flash_layout
+from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.ethernet import DESCRIPTIONS, EthernetCard, EthernetDescription, description
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -219,3 +220,21 @@ def test_no_packet_breaks_the_engine(packet):
 def test_every_card_description_makes_a_card():
     for facts in DESCRIPTIONS.values():
         assert EthernetCard(facts).image == "user"
+
+
+def test_waiting_for_a_dpll_line_takes_until_its_edge():
+    """registers.md 2.8: at 100 MHz prescale 24 and base rate 1055531162 make a reference of 1 kHz."""
+    with EmulatedBoard("7i92+7i77", clock="virtual") as board:
+        engine = EthernetCard(description("7i92"), board)
+        board.write(0x7200, 24 << 24 | 0x400000)
+        board.write(0x7000, 1055531162)
+        engine.process(bytes.fromhex("01d10400d007"))  # limit 2000 us
+        engine.process(bytes.fromhex("01510600"))
+        start = board.now_us
+        (waited,) = struct.unpack("<H", engine.process(bytes.fromhex("01510600")))
+        assert waited == 1000
+        assert board.now_us - start == 1000
+        assert engine.peek(6, 0) == 0
+        engine.process(bytes.fromhex("01d10400f401"))  # limit 500 us: runs out
+        assert engine.process(bytes.fromhex("01510600")) == struct.pack("<H", 500)
+        assert engine.peek(6, 0) == 0x20

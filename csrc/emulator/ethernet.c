@@ -27,8 +27,12 @@ static void leave(struct hm2_ethernet *ethernet)
 
 void ethernet_wait_us(struct hm2_ethernet *ethernet, int64_t us)
 {
-	struct timespec time = {.tv_sec = us / 1000000, .tv_nsec = us % 1000000 * 1000};
+	const struct timespec time = {.tv_sec = us / 1000000, .tv_nsec = us % 1000000 * 1000};
 
+	if (ethernet->card.pause_us) {
+		ethernet->card.pause_us(ethernet->card.self, us);
+		return;
+	}
 	leave(ethernet);
 	clock_nanosleep(CLOCK_MONOTONIC, 0, &time, NULL);
 	enter(ethernet);

@@ -1,4 +1,6 @@
 /* An emulated card behind the LBP16 engine. */
+#include "card_modules.h"
+#include "dpll.h"
 #include "ethernet.h"
 
 static uint32_t card_read(void *self, uint32_t address)
@@ -18,7 +20,47 @@ static void card_write(void *self, uint32_t address, uint32_t value)
 	hm2_emulator_write(self, address, &value, 1, &error);
 }
 
+static void card_pause_us(void *self, int64_t us)
+{
+	hm2_bus bus;
+
+	hm2_emulator_bus(self, &bus);
+	bus.pause_ns(bus.self, us * 1000);
+}
+
+/* A real clock runs by itself; sleeping would miss the edge by more than the wait is good for. */
+static void pass_one_us(struct hm2_emulator *card)
+{
+	if (card->options.clock == HM2_CLOCK_VIRTUAL)
+		hm2_emulator_advance_ps(card, 1000000);
+	else
+		hm2_emulator_sync(card);
+}
+
+static int64_t card_wait_edge(void *self, int line, uint32_t timeout_us)
+{
+	struct hm2_emulator *card = self;
+	int64_t start_ps, before, waited_us = 0;
+
+	hm2_emulator_sync(card);
+	start_ps = card->now_ps;
+	before = dpll_last_event(card, line, card->clock);
+	while (waited_us < timeout_us) {
+		pass_one_us(card);
+		waited_us = (card->now_ps - start_ps) / 1000000;
+		if (dpll_last_event(card, line, card->clock) != before)
+			return waited_us;
+	}
+	return -1;
+}
+
 void hm2_ethernet_emulator(struct hm2_emulator *card, hm2_ethernet_card *out)
 {
-	*out = (hm2_ethernet_card){.self = card, .read = card_read, .write = card_write};
+	*out = (hm2_ethernet_card){
+		.self = card,
+		.read = card_read,
+		.write = card_write,
+		.wait_edge = card_wait_edge,
+		.pause_us = card_pause_us,
+	};
 }
