@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import Any, Literal, NamedTuple, Protocol
 
 from hostmot2._core import ffi, lib
+from hostmot2.emulator import catalog
 from hostmot2.emulator.cards import IDROM_WORDS, CardDescription, card
 from hostmot2.errors import check, new_error
 
@@ -19,6 +20,14 @@ _LEVELS = {
     lib.HM2_LEVEL_FLOATING: "H",
     lib.HM2_LEVEL_CONTENTION: "X",
 }
+
+
+DAUGHTER_REMOTES = {
+    "7i77": ("7i77-io", "7i77-analog"),
+    "7i77d": ("7i77d-io", "7i77d-analog"),
+    "7i76": ("7i76",),
+}
+"""The remotes of a daughter card, in the order of its SSERIAL channels (fact sheet sserial.md 9)."""
 
 
 class Remote(Protocol):
@@ -186,7 +195,11 @@ class EmulatedBoard:
     "real". `wire="off"` lets serial bytes take no time. `sserial_channels` overrides the number of
     channels of the SSERIAL instances, `processor_clock_hz` is their processor's clock. `firmware` is the
     register generation, "a" or "b" (PCI cards have a, Ethernet cards b unless said). With `strict` an
-    access that nothing decodes raises ProtocolError; else it reads `UNDRIVEN`.
+    access that nothing decodes raises ProtocolError; else it reads `UNDRIVEN`. There is one engine, which
+    is exact whether `exact` asks for it or not.
+
+    The remotes of the daughter cards hang on the card's pins: they answer once the driver has switched the
+    pins to their secondary function. A remote that `sserial[i].attach` puts in place needs no pins.
 
     One thread at a time may use a board. Times are microseconds.
     """
@@ -205,8 +218,6 @@ class EmulatedBoard:
     ) -> None:
         if clock not in ("virtual", "real") or wire not in ("on", "off"):
             raise ValueError('clock is "virtual" or "real", wire is "on" or "off"')
-        if not exact:
-            raise ValueError("there is one engine, and it is exact")
         if sserial_channels is not None and not 1 <= sserial_channels <= 8:
             raise ValueError("an SSERIAL instance has 1 to 8 channels")
         if isinstance(spec, str):
@@ -240,6 +251,17 @@ class EmulatedBoard:
         """The SSERIAL instances."""
         while lib.hm2_emulator_sserial_channels(self.handle, len(self.sserial)):
             self.sserial.append(EmulatedSserialPort(self, len(self.sserial)))
+        self._attach_daughters()
+
+    def _attach_daughters(self) -> None:
+        """The daughter cards' own remotes hang on the card's pins."""
+        for number, daughter in enumerate(self.description.daughters if self.description else ()):
+            for position, name in enumerate(DAUGHTER_REMOTES[daughter.name]):
+                channel = daughter.sserial_channel + position
+                if channel >= self.sserial[0].channels:
+                    continue
+                unit = catalog.CATALOG[name].unit_number + number
+                self.sserial[0].attach(channel, catalog.remote(name, unit_number=unit), through_pins=True)
 
     def read(self, address: int, count: int = 1) -> int | list[int]:
         """One word, or a list of `count` words at consecutive addresses; takes no virtual time.
