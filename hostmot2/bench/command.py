@@ -55,9 +55,7 @@ def bench(
     if output:
         output.write_text(json.dumps(found, indent=1) + "\n")
     if plot:
-        from hostmot2.bench.picture import draw  # matplotlib is an extra
-
-        draw(reports, plot)
+        _draw(reports, plot)
     if as_json:
         click.echo(json.dumps(found, indent=1))
         return
@@ -66,4 +64,20 @@ def bench(
     for report in reports:
         click.echo(f"\n{report}")
     if old:
-        click.echo(f"\n{compare(reports, old)}")
+        click.echo(f"\n{_compared(reports, old)}")
+
+
+def _draw(reports: list[Report], plot: Path) -> None:
+    from hostmot2.bench.picture import draw  # matplotlib is an extra
+
+    try:
+        draw(reports, plot)
+    except (ImportError, ValueError) as problem:
+        raise click.ClickException(str(problem)) from problem
+
+
+def _compared(reports: list[Report], old: Path) -> str:
+    try:
+        return compare(reports, old)
+    except ValueError as problem:
+        raise click.BadParameter(str(problem), param_hint="--compare") from problem
