@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -63,22 +63,33 @@ class Bits(int):
 Value = float | bool | int | Bits
 
 
+class _Names(dict[str, int]):
+    """Element names as the remote spells them, found in any capitals."""
+
+    def __init__(self, names: Iterable[tuple[str, int]]) -> None:
+        super().__init__(names)
+        self._folded = {name.casefold(): index for name, index in self.items()}
+
+    def __missing__(self, name: str) -> int:
+        return self._folded[name.casefold()]
+
+
 class Elements(Mapping[str, Value]):
     """The elements of one channel in one direction, by name, as they stand at the moment of the access.
 
     BITS are `Bits`, STREAM int, BOOLEAN bool, everything else float in the element's unit; a counter is its
-    position, count / scale. An unknown name is a KeyError.
+    position, count / scale. Names are found in any capitals; an unknown one is a KeyError.
     """
 
     def __init__(self, process_data: ProcessData, channel: int, direction: Direction) -> None:
         self._data = process_data
         self._channel = channel
         self._direction = direction
-        self._index = {
-            element.name: index
+        self._index = _Names(
+            (element.name, index)
             for index, (owner, element) in enumerate(process_data._elements)
             if owner == channel and element.direction is direction and element.is_visible
-        }
+        )
 
     def __getitem__(self, name: str) -> Value:
         index = self._index[name]
