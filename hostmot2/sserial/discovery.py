@@ -82,6 +82,7 @@ class _Tables:
     ptoc_count: int
     gtoc: list[Any]
     gtoc_error: BrokenTable | None
+    gtoc_memory: Any  # owns the records of the GTOC: an element of a cffi array does not keep its array
     warnings: list[str] = field(default_factory=list)
 
 
@@ -164,7 +165,7 @@ def _read_both(read_table: ReadTable, channel: int, toc: int) -> _Tables:
     if broken is not None:
         raise broken
     gtoc, gtoc_count, gtoc_error = _read_one(read_table, channel, toc >> 16, lib.HM2_GTOC, ptoc, ptoc_count)
-    return _Tables(ptoc, ptoc_count, [gtoc[i] for i in range(gtoc_count)], gtoc_error)
+    return _Tables(ptoc, ptoc_count, [gtoc[i] for i in range(gtoc_count)], gtoc_error, gtoc)
 
 
 def _check_sizes(tables: _Tables, channel: int, sizes: tuple[int, int], registers: int) -> None:
