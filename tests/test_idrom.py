@@ -552,6 +552,11 @@ def test_an_unknown_board_opens_with_a_warning_that_carries_its_name() -> None:
     assert {(pin.connector, pin.connector_pin) for pin in found.pins} == {("", None)}
 
 
+def test_an_unknown_board_still_has_ports() -> None:
+    with pytest.raises(errors.WrongIoPorts):
+        inventory(good(io_ports=0, io_width=0, name_high=0x39393939), board=None)
+
+
 @pytest.mark.parametrize(("width", "kind"), [(0, errors.WrongPortWidth), (33, errors.WrongPortWidth)])
 def test_an_unknown_board_still_has_1_to_32_pins_per_port(width: int, kind: type[Exception]) -> None:
     with pytest.raises(kind):

@@ -60,7 +60,7 @@ def show(error: BaseException, *, as_json: bool) -> int:
     for note in getattr(error, "__notes__", ()):
         click.echo(f"  {note}", err=True)
     if isinstance(error, errors.HostMot2Error):
-        if error.fix:
+        if error.fix and error.fix not in message(error):
             click.echo(f"  {error.fix}", err=True)
         click.echo(f"  more: hm2 explain {error.code}", err=True)
     return exit_code(error)

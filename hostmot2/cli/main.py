@@ -31,6 +31,7 @@ COMMANDS: dict[str, str] = {
     "emulate": "hostmot2.cli.emulate:emulate",
     "emu": "hostmot2.cli.emulate:emu",
     "explain": "hostmot2.cli.explain:explain",
+    "setup": "hostmot2.cli.setup:setup",
 }
 """Name -> module:command. A module is imported when its command is used, so that `hm2 info` is quick."""
 
