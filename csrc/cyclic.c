@@ -51,6 +51,8 @@ static size_t encoders_writes(void *self, hm2_transfer *transfers, size_t capaci
 			transfers[listed] = burst(encoders->control_address + i * encoders->instance_stride, 1,
 			                          &encoder->control_word);
 			transfers[listed].flags = HM2_TRANSFER_WRITE;
+			/* not again before a reply: behind an index nobody has seen yet it would arm for the next one */
+			encoder->write_control = 0;
 		}
 		listed++;
 	}
