@@ -1148,6 +1148,9 @@ typedef struct hm2_mirror_word {
  * order, then the card's words are shown, in list order. seen: room for count words. */
 int hm2_emulator_mirror(hm2_emulator *card, void *shared, hm2_mirror_word *words, uint32_t *seen, size_t count,
                         hm2_error *error);
+/* As many looks, each followed by a pause. */
+int hm2_emulator_mirror_looks(hm2_emulator *card, void *shared, hm2_mirror_word *words, uint32_t *seen,
+                              size_t count, int looks, int64_t pause_ns, hm2_error *error);
 
 /* ---- machines for the emulated card (emulator/plant.c, plant_motors.c) ------------------- */
 

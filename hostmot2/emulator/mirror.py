@@ -5,13 +5,15 @@ prints `ready PATH` when the driver may come.
 
 What a mirror cannot do, because loads and stores of another process cannot be intercepted:
 
-* A write is noticed at the next look, some tens of microseconds later, and only if the word differs from
+* A write is noticed at the next look, some 70 microseconds later, and only if the word differs from
   what the card shows there. Writing the value that is already shown goes unnoticed; this matters for
   registers that read something else than was written (ioport data, SSERIAL interface data).
 * Of several writes to one register between two looks the last one counts. Writes to different registers are
   taken in the order of their addresses, SSERIAL commands last.
 * Reading has no side effects: FIFOs do not pop, the DPLL is not sampled. Such registers show UNDRIVEN.
-* Times are as exact as the looks are frequent.
+* Times are as exact as the looks are frequent. The driver's limits for SSERIAL commands are fractions of a
+  millisecond: on a busy machine, where this process may be kept from looking for longer, it will say that
+  commands hang.
 
 The in-process card (emu://) and the Ethernet server have none of these limits.
 """
@@ -33,7 +35,10 @@ from hostmot2.errors import check, new_error
 from hostmot2.registers import MODULES, Gtag
 
 SIZE = 0x10000
-LOOK_INTERVAL_S = 50e-6
+PAUSE_NS = 10_000
+"""Between two looks; the kernel adds some 50,000."""
+LOOKS = 500
+"""Before looking whether to stop."""
 _SSERIAL = (Gtag.SSERIAL, Gtag.SSERIAL_B)
 _SSERIAL_CHANNELS = 8
 
@@ -63,8 +68,12 @@ class Mirror:
 
     def run(self, stop: threading.Event) -> None:
         """Look until `stop` is set."""
-        while not stop.wait(LOOK_INTERVAL_S):
-            self.look()
+        while not stop.is_set():
+            status = lib.hm2_emulator_mirror_looks(
+                self._board.handle, self._shared, self._words, self._seen, len(self._words),
+                LOOKS, PAUSE_NS, self._error,
+            )  # fmt: skip
+            check(status, self._error)
 
     def close(self) -> None:
         """Let the file go; it stays as it is."""

@@ -54,6 +54,19 @@ def test_a_card_in_another_process_is_opened_and_answers(served: Path) -> None:
         assert until(lambda: board.read(0x1000) == 0x1FFFE)
 
 
+def test_an_sserial_command_of_another_process_is_carried_out(served: Path) -> None:
+    with hostmot2.open(f"pci://{served}") as board:
+        command, data = 0x5A00, 0x5B00
+        board.write(command, 0x4000)
+        assert until(lambda: board.read(command) == 0x4000)
+        board.write(command, 0x0001)
+        assert until(lambda: board.read(command) == 0)
+        for address, value in ((0, 0x12), (1, 0x08), (2, 0x01), (3, 0x2B)):
+            board.write(command, 0x2000 | address)
+            assert until(lambda: board.read(command) == 0)
+            assert board.read(data) & 0xFF == value
+
+
 def test_the_whole_way_through_sysfs(served: Path) -> None:
     sysfs = Path(tempfile.mkdtemp(prefix="hm2-sysfs-"))
     (sysfs / "bus/pci/devices").mkdir(parents=True)
