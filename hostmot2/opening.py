@@ -5,24 +5,26 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hostmot2.board import Board
+from hostmot2.boards import BoardFacts
 from hostmot2.transports import open_transport
 
 if TYPE_CHECKING:
     from hostmot2.emulator import EmulatedBoard
 
 
-def open_board(card: str | EmulatedBoard, *, strict: bool = True) -> Board:
+def open_board(card: str | EmulatedBoard, *, strict: bool = True, board: BoardFacts | None = None) -> Board:
     """Open a card and read what it contains; nothing is written, outputs stay as they are.
 
     card: a URL (emu://, pci://, udp://, dump://, or a scheme that another package provides), or an
     EmulatedBoard. strict=False uses what can be used of a card whose IDROM has modules of a form this driver
-    does not know, instead of refusing it.
+    does not know, instead of refusing it. board: ports and connectors of a card that is not in the board
+    table (hostmot2/boards.py) or not as it says; its port count and width are then checked.
 
     Raises TransportError if the card cannot be reached, IdromError if its description is broken, ValueError
     for a URL that cannot be.
     """
     if isinstance(card, str):
-        return Board(open_transport(card), strict=strict)
+        return Board(open_transport(card), strict=strict, board=board)
     from hostmot2.transports.emulated import transport_of  # the emulator is loaded only when wanted
 
-    return Board(transport_of(card), strict=strict)
+    return Board(transport_of(card), strict=strict, board=board)

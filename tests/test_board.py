@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import struct
 import threading
 from pathlib import Path
@@ -11,7 +12,9 @@ import pytest
 import hostmot2
 from hostmot2 import errors
 from hostmot2.board import SafeOff
+from hostmot2.boards import BoardFacts
 from hostmot2.emulator import EmulatedBoard
+from hostmot2.idrom import HostMot2Warning
 
 GOLDEN = Path(__file__).parent / "golden" / "card"
 
@@ -190,6 +193,19 @@ def test_emulated_cards_open_by_url(url: str, name: str, modules: int) -> None:
 def test_an_impossible_url_is_a_value_error(url: str) -> None:
     with pytest.raises(ValueError, match=r"must be|unknown option"):
         hostmot2.open(url)
+
+
+def test_a_card_that_is_not_in_the_board_table_opens_with_facts_of_the_callers(card_file: Path) -> None:
+    words = bytearray(card_file.read_bytes())
+    words[0x410:0x414] = b"9Z99"
+    card_file.write_bytes(words)
+    with pytest.warns(HostMot2Warning, match="MESA9Z99"):
+        hostmot2.open(f"pci://{card_file}").close()
+    mine = BoardFacts("9Z99", "MESA9Z99", 2, 17, ("P7", "P8"), 2, "")
+    with hostmot2.open(f"pci://{card_file}", board=mine) as board:
+        assert (board.pins[17].connector, board.pins[17].connector_pin) == ("P8", 1)
+    with pytest.raises(errors.WrongIoPorts):
+        hostmot2.open(f"pci://{card_file}", board=dataclasses.replace(mine, io_ports=3))
 
 
 def test_an_emulated_board_outlives_the_driver_on_it() -> None:
