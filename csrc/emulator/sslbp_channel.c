@@ -94,7 +94,7 @@ static int send(struct hm2_sslbp *s, int channel)
 	size_t length = sslbp_frame(s, channel, frame);
 	int64_t at = s->cpu + cost + sslbp_cost_to_start_bit(block[HM2_SSLBP_CHANNEL_STATE]);
 	cost += sslbp_uart_send(s, channel, frame, length, at);
-	cost += sslbp_cost_of_sending(block[HM2_SSLBP_CHANNEL_STATE], length);
+	cost += sslbp_cost_of_sending(block[HM2_SSLBP_CHANNEL_STATE], frame, length);
 	start_clock(s, block, COST_MODE & 4 ? s->looked : s->cpu + cost - COST_AFTER_CLOCK);
 	block[HM2_SSLBP_CHANNEL_STATE]++;
 	return cost;

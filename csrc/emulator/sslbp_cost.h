@@ -16,26 +16,26 @@ enum sslbp_cost {
 	COST_TO_CLOCK = 20, /* from the beginning of a turn to the look at the tick counter */
 	COST_PASS_START = 4,
 	COST_PASS_DOIT = 7,
-	COST_PASS_STOP = 7,
+	COST_PASS_STOP = 4,
 	COST_COMPLETE = 7, /* write DATA, clear COMMAND */
 
 	/* Decoding a command. */
-	COST_LOCAL_DONE = 30, /* from the doorbell to the end of a local access */
-	COST_AFTER_STOP_ALL = 44,
+	COST_LOCAL_DONE = 36, /* from the doorbell to the end of a local access */
+	COST_AFTER_STOP_ALL = 41,
 	COST_DECODE_LOCAL = 41,
 	COST_DECODE_INVALID = 36,
 	COST_DECODE_DOIT = 41,
-	COST_DECODE_STOP = 40,
-	COST_DECODE_START = 1391, /* divides the clock by the tick rate */
-	COST_DECODE_STOP_ALL = 40,
-	COST_INIT_PER_CHANNEL = 1480, /* divides the baud rate by the clock */
-	COST_INIT = 56,
-	COST_RESET_TO_CLEAR = 2170,
-	COST_RESET_DOORBELL = 5, /* the doorbell is cleared that much after COMMAND */
+	COST_DECODE_STOP = 16,
+	COST_DECODE_START = 1448, /* divides the clock by the tick rate */
+	COST_DECODE_STOP_ALL = 41,
+	COST_INIT_PER_CHANNEL = 1484, /* divides the baud rate by the clock */
+	COST_INIT = 33,
+	COST_RESET_TO_CLEAR = 2164,
+	COST_RESET_DOORBELL = 63, /* the doorbell is cleared that much after COMMAND */
 
 	/* A channel's turn. */
 	COST_CHANNEL = 30,
-	COST_CHANNEL_INIT = 75,
+	COST_CHANNEL_INIT = 67,
 	COST_PAUSE = 48,
 	COST_IDLE = 42,
 	COST_WAIT = 65,
@@ -51,15 +51,18 @@ enum sslbp_cost {
 	COST_AFTER_CLOCK = 25, /* the start time is taken so long before the end of a turn */
 	COST_BEGIN = 57,
 	COST_START_PAUSE = 45,
-	COST_REFUSE = 60,
-	COST_READY = 10,
+	COST_REFUSE = 28,
+	COST_READY = 2,
 	COST_LEAVE_CHATTER = 4,
+	COST_LEAVE_CHATTER_8I20 = 10,
 	COST_PROCESS_FAULT = 15,
 	COST_CHECK_STATUS = 42,
 	COST_CHECK_8I20 = 69,
+	COST_IS_8I20 = 82,
+	COST_CHECK_FAULT_AGAIN = 42,
 	COST_CHECK_7I64 = 58,
 	COST_CHECK_FAULT = 44,
-	COST_CHECK_ENABLED = 44,
+	COST_CHECK_ENABLED = 38,
 	COST_ANSWER_USED = 40, /* of an answer whose CRC is right */
 	COST_INIT_FIRST_REGISTER = 45,
 	COST_INIT_REGISTERS = 10,

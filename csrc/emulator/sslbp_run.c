@@ -37,7 +37,7 @@ static int chatter(struct hm2_sslbp *s, int channel)
 	memset(block, 0, HM2_SSLBP_CHANNEL_STATE);
 	block[HM2_SSLBP_CHANNEL_TIMEOUT] = (uint8_t)(block[HM2_SSLBP_CHANNEL_EXCHANGE_TIME] + RUN_MARGIN_TICKS);
 	block[HM2_SSLBP_CHANNEL_STATE] = run_state(block[HM2_SSLBP_CHANNEL_ID]);
-	return COST_LEAVE_CHATTER;
+	return block[HM2_SSLBP_CHANNEL_ID] ? COST_LEAVE_CHATTER_8I20 : COST_LEAVE_CHATTER;
 }
 
 static int process_data(struct hm2_sslbp *s, int channel)

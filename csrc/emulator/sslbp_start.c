@@ -121,7 +121,7 @@ static int check_name(struct hm2_sslbp *s, int channel)
 	if (block[HM2_SSLBP_CHANNEL_STATE] == HM2_COM_STATE_CHECK_8I20) {
 		sslbp_show(s, channel, NAME_REGISTER, sslbp_get32(name), s->cpu);
 		if (memcmp(name, s->ram + HM2_SSLBP_LOCAL_NAME_8I20, 4) == 0)
-			return COST_CHECK_8I20 + predates_discovery(s, channel, HM2_SSLBP_REMOTE_ID_ID_8I20,
+			return COST_IS_8I20 + predates_discovery(s, channel, HM2_SSLBP_REMOTE_ID_ID_8I20,
 			                                            HM2_COM_STATE_CLEAR_FAULT_8I20_SEND);
 		block[HM2_SSLBP_CHANNEL_STATE] = HM2_COM_STATE_CHECK_7I64;
 		return COST_CHECK_8I20;
@@ -159,7 +159,7 @@ static int check_fault(struct hm2_sslbp *s, int channel)
 	}
 	block[HM2_SSLBP_CHANNEL_STATUS] &= (uint8_t)~HM2_CS_STATUS_REMOTE_FAULT;
 	*state = generic ? HM2_COM_STATE_CHATTER_SEND : HM2_COM_STATE_WATCHDOG_8I20_SEND;
-	return COST_CHECK_FAULT;
+	return generic ? COST_CHECK_FAULT : COST_CHECK_FAULT_AGAIN;
 }
 
 int sslbp_check(struct hm2_sslbp *s, int channel)

@@ -154,7 +154,7 @@ int sslbp_ready(struct hm2_sslbp *s, int channel, uint8_t state);
 /* sslbp_cost.c */
 int sslbp_cost_to_start_bit(unsigned state);
 int sslbp_cost_of_waiting(unsigned state);
-int sslbp_cost_of_sending(unsigned state, size_t length);
+int sslbp_cost_of_sending(unsigned state, const uint8_t *frame, size_t length);
 int sslbp_cost_of_answer(unsigned state, unsigned size);
 
 /* sslbp_loop.c */
