@@ -7,7 +7,7 @@
 
 static int elapsed(struct hm2_sslbp *s, const uint8_t *block)
 {
-	return (uint8_t)(sslbp_timer_at(s, COST_MODE & 1 ? s->looked : s->cpu + COST_TO_CLOCK) - block[HM2_SSLBP_CHANNEL_START_TIME]);
+	return (uint8_t)(sslbp_timer_at(s, s->cpu + COST_TO_CLOCK) - block[HM2_SSLBP_CHANNEL_START_TIME]);
 }
 
 static void start_clock(struct hm2_sslbp *s, uint8_t *block, int64_t at)
@@ -95,7 +95,7 @@ static int send(struct hm2_sslbp *s, int channel)
 	int64_t at = s->cpu + cost + sslbp_cost_to_start_bit(block[HM2_SSLBP_CHANNEL_STATE]);
 	cost += sslbp_uart_send(s, channel, frame, length, at);
 	cost += sslbp_cost_of_sending(block[HM2_SSLBP_CHANNEL_STATE], frame, length);
-	start_clock(s, block, COST_MODE & 4 ? s->looked : s->cpu + cost - COST_AFTER_CLOCK);
+	start_clock(s, block, s->cpu + cost - sslbp_cost_after_clock(block[HM2_SSLBP_CHANNEL_STATE]));
 	block[HM2_SSLBP_CHANNEL_STATE]++;
 	return cost;
 }
@@ -187,7 +187,7 @@ static int begin(struct hm2_sslbp *s, int channel)
 		return COST_BEGIN;
 	case HM2_COM_STATE_START_PAUSE:
 		block[HM2_SSLBP_CHANNEL_TIMEOUT] = s->ram[HM2_SSLBP_LOCAL_START_TIMEOUT];
-		start_clock(s, block, COST_MODE & 2 ? s->looked : s->cpu + COST_TO_CLOCK);
+		start_clock(s, block, s->cpu + COST_TO_CLOCK);
 		block[HM2_SSLBP_CHANNEL_STATE]++;
 		return COST_START_PAUSE;
 	default:

@@ -194,7 +194,6 @@ int sslbp_command_begin(struct hm2_sslbp *s)
 	int cost = COST_PASS - COST_TO_COMPLETE - COST_TO_DOORBELL;
 	s->place = PLACE_CHANNEL;
 	s->turn = 0;
-	s->looked = s->cpu + COST_TO_LOOK;
 	if (!s->doorbell)
 		return cost;
 	if (*class_of(s)) {

@@ -20,6 +20,12 @@ static int lookup(unsigned state)
 	}
 }
 
+/* From the look at the tick counter, which is the start time, to the end of the turn. */
+int sslbp_cost_after_clock(unsigned state)
+{
+	return state == HM2_COM_STATE_RUN_8I20 || state == HM2_COM_STATE_RUN_7I64 ? 45 : 25;
+}
+
 int sslbp_cost_to_start_bit(unsigned state)
 {
 	return COST_TO_START_BIT + lookup(state);
@@ -92,7 +98,7 @@ int sslbp_cost_of_answer(unsigned state, unsigned size)
 		return (bytes == 8 ? 90 : 94) + 11 * bytes;
 	case HM2_COM_STATE_RUN_8I20_GET:
 	case HM2_COM_STATE_RUN_7I64_GET:
-		return 164;
+		return 176;
 	case HM2_COM_STATE_RUN_GET:
 		return 90 + 11 * bytes;
 	case HM2_COM_STATE_SETUP_GET:

@@ -8,8 +8,7 @@ enum sslbp_cost {
 	COST_PASS = 54,
 	COST_TO_COMPLETE = 36, /* from the last channel to the completion of a command */
 	COST_TO_DOORBELL = 6,  /* and from there to the look at the doorbell */
-	COST_MODE = 0, COST_TO_LOOK = 0,
-	COST_TIMER_ORIGIN = 1,
+	COST_TIMER_ORIGIN = 3,
 	COST_START_SETUP = 3, /* more than a normal start */
 	COST_TIMER_SET_SETUP = -32,
 	COST_TIMER_SET = -20, /* before the end of a start command */
@@ -48,11 +47,10 @@ enum sslbp_cost {
 	COST_TO_RECEIVE = 24,
 
 	COST_TO_MEASURE = 60, /* the exchange time, from the beginning of the turn */
-	COST_AFTER_CLOCK = 25, /* the start time is taken so long before the end of a turn */
 	COST_BEGIN = 57,
 	COST_START_PAUSE = 45,
 	COST_REFUSE = 28,
-	COST_READY = 2,
+	COST_READY = -4,
 	COST_LEAVE_CHATTER = 4,
 	COST_LEAVE_CHATTER_8I20 = 10,
 	COST_PROCESS_FAULT = 15,

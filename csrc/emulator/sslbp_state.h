@@ -74,7 +74,6 @@ struct hm2_sslbp {
 	enum sslbp_place place;
 	int turn;    /* channel, in PLACE_CHANNEL */
 	int64_t cpu; /* when that begins */
-	int64_t looked; /* when this pass looked at the tick counter */
 	uint8_t ram[RAM_SIZE];
 	uint16_t rom[ROM_WORDS];
 	struct sslbp_timer timer;
@@ -153,6 +152,7 @@ int sslbp_ready(struct hm2_sslbp *s, int channel, uint8_t state);
 
 /* sslbp_cost.c */
 int sslbp_cost_to_start_bit(unsigned state);
+int sslbp_cost_after_clock(unsigned state);
 int sslbp_cost_of_waiting(unsigned state);
 int sslbp_cost_of_sending(unsigned state, const uint8_t *frame, size_t length);
 int sslbp_cost_of_answer(unsigned state, unsigned size);
