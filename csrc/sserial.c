@@ -233,6 +233,7 @@ int hm2_sserial_start(struct hm2_sserial *port, uint32_t mask, int mode, hm2_err
 	port->started |= fresh & ~failed;
 	sserial_watch_start(port, fresh & ~failed);
 	port->mode = port->started ? mode : HM2_SSERIAL_STOPPED;
+	port->chattered = 1;
 	return (int)failed;
 }
 

@@ -78,6 +78,7 @@ struct hm2_sserial {
 	int hung;            /* the cycle found a DOIT that does not end */
 	int64_t doit_ns;     /* when the last DOIT was written */
 	int64_t expected_ns; /* what a good DOIT has been taking */
+	int chattered;       /* channels were started since the last DOIT */
 	struct sserial_channel channels[CHANNELS];
 	struct sserial_lists lists;
 	struct hm2_process_data *process_data;

@@ -107,16 +107,20 @@ int sserial_take_results(struct hm2_sserial *port)
 	return (int)failed;
 }
 
-/* Learns from good transfers only: a lost reply takes longer than any that will be waited for. */
+/* Learns from good transfers only: a lost reply takes longer than any that will be waited for, and so
+ * does the first after a start, which waits for the chatter. A hiccup of the host must not be learned
+ * either, so it grows in steps; it creeps back towards the shortest wait that does. */
 static void learn(struct hm2_sserial *port, int64_t took_ns, int first_look, uint32_t failed)
 {
+	const int64_t most_ns = port->expected_ns + port->expected_ns / 4 + LOOP_PASS_NS;
+	const int64_t needs_ns = took_ns + LOOP_PASS_NS;
 	port->counters.last_doit_ns = took_ns;
-	if (failed)
-		return;
-	if (!first_look)
-		port->expected_ns = took_ns + LOOP_PASS_NS;
+	if (failed || port->chattered)
+		port->chattered = 0;
+	else if (first_look)
+		port->expected_ns -= port->expected_ns / 2048;
 	else
-		port->expected_ns -= port->expected_ns / 4096; /* creep towards the shortest wait that does */
+		port->expected_ns = port->expected_ns && needs_ns > most_ns ? most_ns : needs_ns;
 }
 
 static int read_results(struct hm2_sserial *port, hm2_error *error)
