@@ -29,7 +29,7 @@
 #define SETTLE_ACCESS_NS 51000000 /* a failed setup access: its receive timer and late answers run out */
 
 #define POLL_SHORT_NS 1000
-#define POLL_START_NS 50000
+#define POLL_START_NS 100000
 
 /* Bits of CS that report a fault or the loss of a channel; COM_STATE is not one of them. */
 #define CS_FAULTS                                                                                                  \

@@ -135,17 +135,19 @@ int sserial_hung(struct hm2_sserial *port, const char *where, hm2_error *error)
 	return sserial_recover(port, where, error);
 }
 
-/* The first look is a whole list, so that a well-timed one is the only one; the others read COMMAND. */
+/* The first look is a whole list, so that a well-timed one is the only one; the others read COMMAND.
+ * Returns 1 if the first look saw the end, 0 if a later one did, or a status. */
 static int look_until_done(struct hm2_sserial *port, int looked, int64_t *seen_ns, hm2_error *error)
 {
 	struct sserial_lists *lists = &port->lists;
 	int status = HM2_OK;
-	*seen_ns = hm2_board_now_ns(port->board);
+	*seen_ns = looked ? port->doit_ns : hm2_board_now_ns(port->board);
 	if (!looked)
 		status = read_results(port, error);
 	if (status != HM2_OK || lists->command == 0)
-		return status;
+		return status == HM2_OK ? 1 : status;
 	do {
+		/* the clock is read before the look: after the limit there is always one more */
 		const int expired = *seen_ns >= port->busy_until_ns;
 		if (expired)
 			return sserial_hung(port, "sserial doit", error);
@@ -161,17 +163,15 @@ static int look_until_done(struct hm2_sserial *port, int looked, int64_t *seen_n
 /* Outputs and DOIT were written at doit_ns; the first look at the results may have been taken already. */
 static int wait_for_doit(struct hm2_sserial *port, int looked, hm2_error *error)
 {
-	int64_t seen_ns = port->doit_ns;
+	int64_t seen_ns = 0;
 	if (!looked && port->expected_ns > 0)
 		hm2_board_pause_ns(port->board, port->expected_ns);
-	const int at_first = looked && port->lists.command == 0;
-	const int64_t due_ns = port->doit_ns + port->expected_ns + RETRY_NS;
 	const int status = look_until_done(port, looked, &seen_ns, error);
-	if (status != HM2_OK)
+	if (status < 0)
 		return status;
 	port->busy = 0;
 	const int failed = sserial_take_results(port);
-	learn(port, at_first ? 0 : seen_ns - port->doit_ns, at_first || seen_ns < due_ns, (uint32_t)failed);
+	learn(port, seen_ns - port->doit_ns, status, (uint32_t)failed);
 	return failed;
 }
 

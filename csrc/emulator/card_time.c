@@ -70,10 +70,16 @@ void card_touch(struct hm2_emulator *card)
 		card_advance_to(card, ps);
 }
 
+/* A sleep overshoots by the kernel's timer slack, so the last part is waited for awake: a driver's pause
+ * of a few microseconds on a real clock is one. */
 void card_sleep_ns(int64_t ns)
 {
-	struct timespec time = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
-	while (nanosleep(&time, &time) != 0)
+	const int64_t slack = 60000;
+	const int64_t end = monotonic_ns() + ns;
+	struct timespec time = {.tv_sec = (ns - slack) / 1000000000, .tv_nsec = (ns - slack) % 1000000000};
+	while (ns > slack && nanosleep(&time, &time) != 0)
+		;
+	while (monotonic_ns() < end)
 		;
 }
 
