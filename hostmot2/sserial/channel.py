@@ -153,8 +153,8 @@ class Channel:
         if self.problem is not None:
             raise self.problem
         if self.started:
-            raise NotDiscovered(f"{self}: started while others ran", index=self.number)
-        raise NoRemote(f"{self}: no remote has answered here", index=self.number)
+            raise NotDiscovered(f"{self.label}: started while others ran", index=self.number)
+        raise NoRemote(f"{self.label}: no remote has answered here", index=self.number)
 
     def rows(self) -> list[tuple[str, ...]]:
         """The channel and its elements as rows of a table."""
@@ -177,8 +177,10 @@ class Channel:
             return [(*head, "no elements", "", "")]
         return [(*head, *rows[0][4:]), *rows[1:]]
 
-    def __str__(self) -> str:
-        return f"smart serial port {self._port.number} channel {self.number}"
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+        return f"{self._port.label} channel {self.number}"
 
     def __repr__(self) -> str:
         return table([HEADER, *self.rows()])

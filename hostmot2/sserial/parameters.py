@@ -77,7 +77,7 @@ class Parameter:
         back = self.channel.read_remote(address, size, space=self._space)
         if back != raw:
             raise VerifyFailed(
-                f"{self.channel}: {self.name} was written as {value}, reads {self.decode(back)}",
+                f"{self.channel.label}: {self.name} was written as {value}, reads {self.decode(back)}",
                 address=address,
                 index=self.channel.number,
                 expected=raw,
@@ -154,7 +154,7 @@ class Parameters(Mapping[str, Number]):
         try:
             return self._parameters[self._folded[name.casefold()]]
         except KeyError:
-            raise KeyError(f"{self._channel} has no parameter {name!r}") from None
+            raise KeyError(f"{self._channel.label} has no parameter {name!r}") from None
 
     def __getitem__(self, name: str) -> Number:
         return self.parameter(name).read()
@@ -172,4 +172,4 @@ class Parameters(Mapping[str, Number]):
         return len(self._parameters)
 
     def __repr__(self) -> str:
-        return f"<Parameters of {self._channel}: {', '.join(self._parameters) or 'none'}>"
+        return f"<Parameters of {self._channel.label}: {', '.join(self._parameters) or 'none'}>"

@@ -14,14 +14,14 @@ from hostmot2.board import SafeOff
 from hostmot2.idrom import ModuleDescriptor, PinDescriptor
 from hostmot2.layout import table
 from hostmot2.process_data import ProcessData
-from hostmot2.register_map import Register
 from hostmot2.registers import Gtag, Sserial
 from hostmot2.sserial.channel import HEADER, Channel
 from hostmot2.sserial.core import NORMAL, SETUP, Core
 from hostmot2.sserial.counters import ChannelCounters
 from hostmot2.sserial.discovery import RemoteDescription
-from hostmot2.sserial.errors import NotStarted, PortRunning
+from hostmot2.sserial.errors import NotStarted
 from hostmot2.sserial.evidence import DoitResult, Identity, Scan, StartResult
+from hostmot2.sserial.memory import PortMemory
 from hostmot2.sserial.remotes import Remotes, numbers
 from hostmot2.sserial.status import ChannelStatus, Fault
 
@@ -37,7 +37,7 @@ _NEWS: int = lib.HM2_SSERIAL_NEWS
 _GOOD = tuple(DoitResult(0, mask) for mask in range(256))
 
 
-class SserialPort:
+class SserialPort(PortMemory):
     """One port. Nothing is sent and no output is on before start().
 
     The first use resets the port's processor, which stops what another program left running. Closing the
@@ -223,16 +223,6 @@ class SserialPort:
         return self._channels
 
     @property
-    def started(self) -> int:
-        """Mask of the channels that were started and not stopped since."""
-        return self._core.started
-
-    @property
-    def mode(self) -> str:
-        """stopped, normal or setup."""
-        return self._core.mode
-
-    @property
     def revision(self) -> str:
         """Of the SSLBP firmware, such as "1.43"; "" before the first use."""
         return self._core.revision
@@ -287,57 +277,6 @@ class SserialPort:
         """What the driver counted: doits, failed (per channel), too_soon, hung, last_doit_us."""
         return self._core.transfers()
 
-    # -- local variables and remote memory
-
-    def read_local(self, address: int, size: int = 1) -> int:
-        """A variable of the firmware, little endian; address 0..0xFFF, size 1..8 bytes."""
-        _check_size(size)
-        with self._lock:
-            self._ready()
-            return int.from_bytes(self._core.read_local(address, size), "little")
-
-    def write_local(self, address: int, value: int, size: int = 1) -> None:
-        """Write a variable of the firmware, unchecked: a wrong one can hang the port until reset()."""
-        _check_size(size)
-        if not 0 <= value < 1 << 8 * size:
-            raise ValueError(f"{value} does not fit into {size} bytes")
-        with self._lock:
-            self._ready()
-            self._core.write_local(address, value.to_bytes(size, "little"))
-
-    def read_remote(self, channel: int, address: int, size: int, space: int = 0) -> int:
-        """See Channel.read_remote."""
-        with self._lock:
-            self._enter_setup(channel)
-            return self._core.read_remote(channel, address, size, space)
-
-    def write_remote(self, channel: int, address: int, value: int, size: int, space: int = 0) -> None:
-        """See Channel.write_remote."""
-        with self._lock:
-            self._enter_setup(channel)
-            self._core.write_remote(channel, address, value, size, space)
-
-    def channel_variable(self, channel: int, register: Register, value: int | None = None) -> int:
-        """A variable of a channel's block in the firmware; with `value` it is written first."""
-        size = register.width // 8
-        with self._lock:
-            self._ready()
-            address = self._core.block(channel) + register.number
-            if value is not None:
-                self._refuse_while_started()
-                self._core.write_local(address, value.to_bytes(size, "little"))
-                self._core.stop()  # which takes a baud rate over
-            return int.from_bytes(self._core.read_local(address, size), "little")
-
-    def _refuse_while_started(self) -> None:
-        if self.started:
-            raise PortRunning(f"{self}: channels {self.started:#04x} are started")
-
-    def _enter_setup(self, channel: int) -> None:
-        self._refuse_while_running()
-        if self.mode != "setup" or not self.started >> channel & 1:
-            self.start(1 << channel, "setup").raise_for_failed()
-
     # -- what channels ask their port
 
     def identity(self, channel: int) -> Identity:
@@ -364,12 +303,8 @@ class SserialPort:
     def _started_or_raise(self) -> int:
         started = self._core.started
         if not started:
-            raise NotStarted(f"{self}: no channel is started")
+            raise NotStarted(f"{self.label}: no channel is started")
         return started
-
-    def _refuse_while_running(self) -> None:
-        if self.mode == "normal":
-            raise PortRunning(f"{self}: channels {self.started:#04x} move process data")
 
     def _start_setup(self, mask: int) -> int:
         self._refuse_while_running()
@@ -426,20 +361,17 @@ class SserialPort:
         """Channels and elements as rows of a table, CS read now."""
         return [row for channel in self.channels for row in channel.rows()]
 
-    def __str__(self) -> str:
+    @property
+    def label(self) -> str:
+        """What messages call it."""
         return f"smart serial port {self.number}"
 
     def __repr__(self) -> str:
         firmware = f"SSLBP {self.revision}, " if self.revision else ""
-        title = f"{self}: {firmware}{self.mode}, started 0x{self.started:02X}"
+        title = f"{self.label}: {firmware}{self.mode}, started 0x{self.started:02X}"
         return title if self._board.closed else title + "\n" + table([HEADER, *self.rows()])
 
 
 def _check_mask(mask: int) -> None:
     if not 0 <= mask <= 0xFF:
         raise ValueError(f"channel mask {mask:#x} is outside 0..0xFF")
-
-
-def _check_size(size: int) -> None:
-    if not 1 <= size <= 8:
-        raise ValueError(f"size {size} is outside 1..8")

@@ -61,7 +61,7 @@ def test_commutation_from_an_encoder_turns_the_motor() -> None:
         encoder.scale = 4000.0
         drive.start()
         drive.current = 1.0
-        for _ in range(400):
+        for _ in range(600):
             emulated.advance(150.0)
             drive.exchange()
             drive.angle = encoder.position * 4

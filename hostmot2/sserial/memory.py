@@ -1,0 +1,101 @@
+"""What a port reads and writes besides process data: the firmware's variables and the remotes' memory."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from contextlib import AbstractContextManager
+from typing import TYPE_CHECKING, Literal
+
+from hostmot2.register_map import Register
+from hostmot2.sserial.core import Core
+from hostmot2.sserial.errors import PortRunning
+
+if TYPE_CHECKING:
+    from hostmot2.sserial.evidence import StartResult
+
+
+class PortMemory(ABC):
+    """The part of `SserialPort` that needs no process data to run, and mostly that none runs."""
+
+    _core: Core
+    _lock: AbstractContextManager[object]
+
+    @property
+    @abstractmethod
+    def label(self) -> str:
+        """What messages call the port."""
+
+    @abstractmethod
+    def _ready(self) -> None: ...
+
+    @abstractmethod
+    def start(self, mask: int, mode: Literal["normal", "setup"] = "normal") -> StartResult:
+        """See SserialPort.start."""
+
+    @property
+    def started(self) -> int:
+        """Mask of the channels that were started and not stopped since."""
+        return self._core.started
+
+    @property
+    def mode(self) -> str:
+        """stopped, normal or setup."""
+        return self._core.mode
+
+    def read_local(self, address: int, size: int = 1) -> int:
+        """A variable of the firmware, little endian; address 0..0xFFF, size 1..8 bytes."""
+        _check_size(size)
+        with self._lock:
+            self._ready()
+            return int.from_bytes(self._core.read_local(address, size), "little")
+
+    def write_local(self, address: int, value: int, size: int = 1) -> None:
+        """Write a variable of the firmware, unchecked: a wrong one can hang the port until reset()."""
+        _check_size(size)
+        if not 0 <= value < 1 << 8 * size:
+            raise ValueError(f"{value} does not fit into {size} bytes")
+        with self._lock:
+            self._ready()
+            self._core.write_local(address, value.to_bytes(size, "little"))
+
+    def read_remote(self, channel: int, address: int, size: int, space: int = 0) -> int:
+        """See Channel.read_remote."""
+        with self._lock:
+            self._enter_setup(channel)
+            return self._core.read_remote(channel, address, size, space)
+
+    def write_remote(self, channel: int, address: int, value: int, size: int, space: int = 0) -> None:
+        """See Channel.write_remote."""
+        with self._lock:
+            self._enter_setup(channel)
+            self._core.write_remote(channel, address, value, size, space)
+
+    def channel_variable(self, channel: int, register: Register, value: int | None = None) -> int:
+        """A variable of a channel's block in the firmware; with `value` it is written first."""
+        size = register.width // 8
+        with self._lock:
+            self._ready()
+            address = self._core.block(channel) + register.number
+            if value is not None:
+                self._refuse_while_started()
+                self._core.write_local(address, value.to_bytes(size, "little"))
+                self._core.stop()  # which takes a baud rate over
+            return int.from_bytes(self._core.read_local(address, size), "little")
+
+    def _refuse_while_started(self) -> None:
+        if self.started:
+            raise PortRunning(f"{self.label}: channels {self.started:#04x} are started")
+
+    def _enter_setup(self, channel: int) -> None:
+        self._refuse_while_running()
+        if self.mode != "setup" or not self.started >> channel & 1:
+            self.start(1 << channel, "setup").raise_for_failed()
+
+    def _refuse_while_running(self) -> None:
+        if self.mode == "normal":
+            raise PortRunning(f"{self.label}: channels {self.started:#04x} move process data")
+
+
+def _check_size(size: int) -> None:
+    if not 1 <= size <= 8:
+        raise ValueError(f"size {size} is outside 1..8")
