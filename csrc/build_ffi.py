@@ -24,6 +24,11 @@ def files(pattern: str) -> list[str]:
 
 ffibuilder = FFI()
 ffibuilder.cdef(declarations((CSRC / "hm2.h").read_text()))
+# the table parser asks Python for the memory of a remote behind a serial line
+ffibuilder.cdef(
+    'extern "Python" int hm2_toc_fetch_python(void *self, uint32_t address, uint32_t size, uint8_t *bytes,'
+    " hm2_error *error);"
+)
 ffibuilder.set_source(
     "hostmot2._core",
     '#include "hm2.h"',

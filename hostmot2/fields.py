@@ -52,3 +52,21 @@ class Field:
     maximum: float = 1.0
     unit: str = ""
     address: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterField(Field):
+    """A parameter of which more is known than a remote's own tables would say.
+
+    minimum and maximum are limits of the value itself, not of what it stands for. `scale`: what one count is
+    in `unit` (0.0: nothing). `default`: as it leaves the factory. `derived`: the address was derived from the
+    order of the remote's variables and not confirmed independently. `working`: the parameter in RAM that
+    takes a non-volatile one over at power-up. `clears_itself`: a write starts something, 0 says that it is
+    done.
+    """
+
+    scale: float = 0.0
+    default: int | None = None
+    derived: bool = False
+    working: str = ""
+    clears_itself: bool = False

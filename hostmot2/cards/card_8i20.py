@@ -6,7 +6,7 @@ import math
 from typing import TYPE_CHECKING
 
 from hostmot2.cards.remote_card import RemoteCard, identified
-from hostmot2.sserial.builtin import FAULTS_8I20, STATUS_8I20
+from hostmot2.drive_8i20 import FAULTS, STATUS
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
@@ -83,12 +83,12 @@ class Card8i20(RemoteCard):
     @property
     def status_bits(self) -> list[str]:
         """Names of the set STATUS bits."""
-        return _names(self.status_word, STATUS_8I20)
+        return _names(self.status_word, STATUS)
 
     @property
     def fault_bits(self) -> list[str]:
         """Names of the set FAULT bits."""
-        return _names(self.fault_word, FAULTS_8I20)
+        return _names(self.fault_word, FAULTS)
 
     def faults(self) -> list[str]:
         """Live faults in words: the drive's FAULT word, and the channel's if it does not run."""

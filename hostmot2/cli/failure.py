@@ -8,15 +8,20 @@ from typing import Any
 import click
 
 from hostmot2 import errors
+from hostmot2.lbp import errors as lbp
 
 USAGE, NOT_FOUND, PERMISSION, COMMUNICATION, DEVICE, BUSY = 2, 3, 4, 5, 6, 7
 
 # The first that fits; what derives from another comes before it.
 _EXIT_CODES: tuple[tuple[type[BaseException], int], ...] = (
     (errors.CardNotFound, NOT_FOUND),
+    (lbp.AdapterMissing, NOT_FOUND),
     (errors.ModuleMissing, NOT_FOUND),
     (errors.PermissionDenied, PERMISSION),
     (errors.CardBusy, BUSY),
+    (lbp.AdapterBusy, BUSY),
+    (lbp.RemoteRefused, DEVICE),
+    (lbp.FirmwareRefused, DEVICE),
     (errors.TransportError, COMMUNICATION),
     (errors.HostMot2Error, DEVICE),
     (FileNotFoundError, NOT_FOUND),

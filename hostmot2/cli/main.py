@@ -32,6 +32,9 @@ COMMANDS: dict[str, str] = {
     "emu": "hostmot2.cli.emulate:emu",
     "explain": "hostmot2.cli.explain:explain",
     "setup": "hostmot2.cli.setup:setup",
+    "rpd": "hostmot2.cli.serial_remote:rpd",
+    "wpd": "hostmot2.cli.serial_remote:wpd",
+    "emulate-remote": "hostmot2.cli.emulate_remote:emulate_remote",
 }
 """Name -> module:command. A module is imported when its command is used, so that `hm2 info` is quick."""
 

@@ -144,6 +144,15 @@ class DescribedRemote(EmulatedRemote):
                     )
                 )
 
+    @property
+    def setup_jumper(self) -> bool:
+        """The card's set-up jumper; a change takes effect at the next power cycle."""
+        return bool(self._get(lib.HM2_REMOTE_SETUP_MODE))
+
+    @setup_jumper.setter
+    def setup_jumper(self, in_place: bool) -> None:
+        self._set(lib.HM2_REMOTE_SETUP_MODE, int(in_place))
+
     # -- process data and parameters by name
 
     @property

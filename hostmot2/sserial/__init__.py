@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, overload
 
 from hostmot2.errors import ModuleMissing
 from hostmot2.registers import Gtag
+from hostmot2.remotes.discovery import Mode, RemoteDescription
+from hostmot2.remotes.parameters import Parameter, Parameters
 from hostmot2.sserial.channel import Channel
 from hostmot2.sserial.counters import ChannelCounters
-from hostmot2.sserial.discovery import Mode, RemoteDescription
 from hostmot2.sserial.errors import (
     BrokenTable,
     CommandHung,
@@ -23,7 +24,6 @@ from hostmot2.sserial.errors import (
     VerifyFailed,
 )
 from hostmot2.sserial.evidence import ChannelEvidence, DoitResult, Scan, StartResult
-from hostmot2.sserial.parameters import Parameter, Parameters
 from hostmot2.sserial.port import SserialPort
 from hostmot2.sserial.status import ChannelStatus, Fault, FaultWatcher
 

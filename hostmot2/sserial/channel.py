@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from hostmot2.elements import Inputs, Outputs
 from hostmot2.layout import table
 from hostmot2.registers import SslbpChannel
+from hostmot2.remotes.discovery import Mode, RemoteDescription
+from hostmot2.remotes.parameters import Parameters
 from hostmot2.sserial.counters import ChannelCounters
-from hostmot2.sserial.discovery import Mode, RemoteDescription
 from hostmot2.sserial.errors import NoRemote, NotDiscovered
-from hostmot2.sserial.parameters import Parameters
 from hostmot2.sserial.status import ChannelStatus
 
 if TYPE_CHECKING:
@@ -132,7 +132,7 @@ class Channel:
         """The remote's parameters by name. Errors as `inputs`; BrokenTable if their table is broken."""
         description = self._described()
         description.raise_for_parameters()
-        return Parameters(self, description.parameters)
+        return Parameters(self, description.parameters, description.aliases)
 
     def read_remote(self, address: int, size: int = 1, *, space: int = 0) -> int:
         """A value from the remote's memory; size 1, 2, 4 or 8 bytes, space 0 RAM, 1 EEPROM.

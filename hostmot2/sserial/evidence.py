@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from hostmot2.fields import Field, FieldKind
 from hostmot2.layout import table
 from hostmot2.registers import LocalFault, RemoteFault
+from hostmot2.remotes.discovery import RemoteDescription
 from hostmot2.sserial.counters import ChannelCounters
-from hostmot2.sserial.discovery import RemoteDescription
 from hostmot2.sserial.errors import NoRemote
 from hostmot2.sserial.status import ChannelStatus, Fault
 

@@ -15,10 +15,10 @@ from hostmot2.idrom import ModuleDescriptor, PinDescriptor
 from hostmot2.layout import table
 from hostmot2.process_data import ProcessData
 from hostmot2.registers import Gtag, Sserial
+from hostmot2.remotes.discovery import RemoteDescription
 from hostmot2.sserial.channel import HEADER, Channel
 from hostmot2.sserial.core import NORMAL, SETUP, Core
 from hostmot2.sserial.counters import ChannelCounters
-from hostmot2.sserial.discovery import RemoteDescription
 from hostmot2.sserial.errors import NotStarted
 from hostmot2.sserial.evidence import DoitResult, Identity, Scan, StartResult
 from hostmot2.sserial.memory import PortMemory

@@ -7,9 +7,9 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hostmot2.process_data import ProcessData
-from hostmot2.sserial import builtin
+from hostmot2.remotes import builtin
+from hostmot2.remotes.discovery import ReadFailed, RemoteDescription, read_tables
 from hostmot2.sserial.core import NORMAL, SETUP, Core
-from hostmot2.sserial.discovery import ReadFailed, RemoteDescription, read_tables
 from hostmot2.sserial.errors import BrokenTable, RemoteSilent, UnsupportedRemote, raise_for
 from hostmot2.sserial.evidence import ChannelEvidence
 

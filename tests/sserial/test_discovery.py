@@ -7,8 +7,9 @@ import pytest
 
 from hostmot2._core import lib
 from hostmot2.fields import Direction, FieldKind
-from hostmot2.sserial import BrokenTable, builtin
-from hostmot2.sserial.discovery import read_memory
+from hostmot2.remotes import builtin
+from hostmot2.remotes.discovery import read_memory
+from hostmot2.sserial import BrokenTable
 
 from .tables import (
     BITS,

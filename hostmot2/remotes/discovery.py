@@ -7,7 +7,7 @@ Source: sserial.md 5; for the two remotes that predate discovery 7.2 and 7.3.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from hostmot2._core import ffi, lib
@@ -15,7 +15,13 @@ from hostmot2.errors import new_error, text
 from hostmot2.fields import Direction, Field, FieldKind
 from hostmot2.layout import Layout
 from hostmot2.registers import ModeType, RecordType
-from hostmot2.sserial.errors import BrokenTable, broken_table
+from hostmot2.remotes.errors import BrokenTable, broken_table
+
+ALIASES = {"NVWATCHDOGTIME": "NVWATCHDOGTIMEOUT", "NVWATCHDOGTIMEOUT": "NVWATCHDOGTIME"}
+"""The 7I77 manual has both names for one parameter."""
+
+BAUD_INDEX_MAX = 11
+"""Of NVBAUDRATE; a wrong one makes a remote unreachable in operate mode (lbp_serial.md 5)."""
 
 _KINDS: Mapping[int, FieldKind] = FieldKind._value2member_map_  # type: ignore[assignment]
 
@@ -40,7 +46,7 @@ class RemoteDescription:
     parameters_error: why they are not known. modes: all software modes; hardware_mode, mode: the present
     ones. warnings: what was put right. receive_size and transmit_size are bytes of the process data
     exchange (0: not known), with the fault byte. fault_word: input register and mask of a fault word in
-    the process data, fault_names its bits.
+    the process data, fault_names its bits. aliases: other names of parameters.
     """
 
     name: str
@@ -58,6 +64,7 @@ class RemoteDescription:
     warnings: tuple[str, ...] = ()
     fault_word: tuple[int, int] | None = None
     fault_names: tuple[str, ...] = ()
+    aliases: Mapping[str, str] = field(default_factory=dict, compare=False)
     layout: Layout = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -121,6 +128,7 @@ def read_tables(
         mode=present,
         receive_size=sizes[0],
         transmit_size=sizes[1],
+        aliases=ALIASES,
         warnings=tuple(tables.warnings),
     )
 
@@ -207,11 +215,14 @@ def _parameter_fields(tables: _Tables) -> tuple[Field, ...]:
             _warn(tables, record, name)
             continue
         kind = _KINDS[record.data_type]
-        if kind is FieldKind.PAD or record.bits not in (8, 16, 32, 64):
-            continue  # process data that no LBP access fits
+        if kind is FieldKind.PAD or record.bits % 8 or record.bits > 64:
+            continue  # process data that no LBP accesses fit
         name = _unique(name, [taken])
         _warn(tables, record, name)
-        fields.append(_field(record, name, kind, Direction(record.direction)))
+        declared = _field(record, name, kind, Direction(record.direction))
+        if name.casefold() == "nvbaudrate" and declared.maximum > BAUD_INDEX_MAX:
+            declared = replace(declared, maximum=BAUD_INDEX_MAX)
+        fields.append(declared)
     return tuple(fields)
 
 

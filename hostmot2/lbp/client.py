@@ -1,0 +1,431 @@
+"""LbpRemote: one remote at the other end of a link, spoken to so that no wrong value is ever accepted.
+
+An 8-bit CRC lets one damaged frame in 256 through where bytes were lost or added, and a command so damaged
+may be obeyed at another address. So every operation is followed by a look at the remote's LBP status, which
+tells of anything it misheard, and every read is repeated until two agree. What fails is repeated after a
+resynchronisation, and reported if that does not help. Source: lbp_serial.md 2, 3, 5; 8I20 and 7I77 manuals,
+LBP.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Self, TypeVar
+
+from hostmot2.lbp import frame
+from hostmot2.lbp.errors import LbpError, LineSilent, RemoteRefused, WrongAnswer, status_names
+from hostmot2.lbp.frame import Command, RpcStep
+from hostmot2.lbp.link import NORMAL_S, Link
+from hostmot2.register_map import Register
+from hostmot2.registers import LbpCapability, LbpClearFault, LbpLocal, LbpReset, LbpSpace, LbpStatus
+
+T = TypeVar("T")
+
+EEPROM_S = 1.0
+"""A write to EEPROM is answered within this."""
+
+FLASH_S = 5.0
+"""Erasing or programming flash is over within this."""
+
+TRIES = 8
+REFUSALS = 2
+"""A refusal is believed when the remote has given it so often in a row, without any sign of noise."""
+
+STABLE_READS = 8
+MISHEARD = (
+    LbpStatus.CRC_ERROR
+    | LbpStatus.BUFFER
+    | LbpStatus.INVALID_ADDRESS
+    | LbpStatus.COMMAND_TIMEOUT
+    | LbpStatus.FIFO_TIMEOUT
+)
+"""Bits of the LBP status that mean that a command was not obeyed; the watchdog's is no such bit."""
+
+CLEAR_READS = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Discovery:
+    """What the discovery RPC answers: process data sizes in bytes, and where the tables are."""
+
+    receive_size: int
+    transmit_size: int
+    ptoc: int
+    gtoc: int
+
+
+class LbpRemote:
+    """One remote behind a link. Not thread-safe; one program at a time may use a line.
+
+    Opening probes for the cookie, with CRC and without. Raises LineSilent, NotLbp.
+    """
+
+    def __init__(self, link: Link, *, tries: int = TRIES) -> None:
+        self.link = link
+        self.tries = tries
+        self._space: int | None = None  # what the remote's memory space is known to be
+        self._sick = True  # something failed and the remote was not asked why
+        self._known_name = ""
+        link.open()
+        self._confirmed(lambda: self._once(frame.COOKIE))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Memory space back to RAM if it was not, then give the line back."""
+        try:
+            if self._space not in (LbpSpace.RAM, None) or self._sick:
+                self._confirmed(lambda: self._select(LbpSpace.RAM))
+        except LbpError:
+            pass  # the line is gone; a power cycle resets the space
+        finally:
+            self.link.close()
+
+    # -- one command, confirmed
+
+    def _once(self, command: Command, timeout_s: float = NORMAL_S) -> bytes:
+        return self.link.transact(command, timeout_s)
+
+    def _confirmed(self, operation: Callable[[], T]) -> T:
+        """The operation's result once it went through and the remote says that it misheard nothing."""
+        refusals = 0
+        last: LbpError | None = None
+        for _ in range(self.tries):
+            try:
+                if self._sick:
+                    self._recover()
+                result = operation()
+                misheard = self._misheard()
+            except (LineSilent, WrongAnswer) as failure:
+                last, self._sick = failure, True
+                misheard = self._ask_why()
+            else:
+                if not misheard:
+                    return result
+                self._sick = True
+                last = WrongAnswer(
+                    f"{self}: the remote misheard: {status_names(misheard)}", received=misheard
+                )
+            refusals = refusals + 1 if misheard in (LbpStatus.INVALID_ADDRESS, LbpStatus.BUFFER) else 0
+            if refusals == REFUSALS:
+                self.link.counters.refused += 1
+                raise self._refused(misheard)
+        assert last is not None
+        last.add_note(f"tried {self.tries} times; {self.link.counters}")
+        raise last
+
+    def _refused(self, status: int) -> RemoteRefused:
+        refused = RemoteRefused(f"{self}: refused, LBP status: {status_names(status)}", received=status)
+        refused.status = LbpStatus(status)
+        return refused
+
+    def _misheard(self) -> int:
+        return self._once(frame.read_local(LbpLocal.status.number))[0] & MISHEARD
+
+    def _ask_why(self) -> int:
+        """After silence the status tells whether the remote refused; 0 if it cannot be asked."""
+        try:
+            self.link.settle()
+            return self._misheard()
+        except (LineSilent, WrongAnswer):
+            return 0
+
+    def _recover(self) -> None:
+        """Both ends start anew: frames forgotten, errors cleared, memory space RAM."""
+        self._space = None
+        self.link.resync()
+        self._once(frame.write_local(LbpLocal.status.number, 0))
+        if self._misheard():
+            raise WrongAnswer(f"{self}: the LBP status cannot be cleared")
+        self._select(LbpSpace.RAM)
+        self._sick = False
+
+    def _select(self, space: int) -> None:
+        if self._space != space:
+            self._space = None
+            self._once(frame.write_local(LbpLocal.memory_space.number, space))
+            self._space = space
+
+    def _stable(self, operation: Callable[[], bytes]) -> bytes:
+        """A value that was read twice alike. One that keeps changing passes only on a faultless line."""
+        errors_before = self.link.counters.errors
+        before = self._confirmed(operation)
+        for _ in range(STABLE_READS):
+            now = self._confirmed(operation)
+            if now == before:
+                return now
+            before = now
+        if self.link.counters.errors == errors_before:
+            return before
+        raise WrongAnswer(f"{self}: no two of {STABLE_READS} reads agree, and the line shows errors")
+
+    # -- memory
+
+    def read_remote(self, address: int, size: int = 1, *, space: int = LbpSpace.RAM) -> int:
+        """A value of 1, 2, 4 or 8 bytes from RAM (0), EEPROM (1) or flash window (2); unsigned.
+
+        Raises RemoteRefused (no such address), LineSilent, WrongAnswer, ValueError for the arguments.
+        """
+        return int.from_bytes(self.read_bytes(address, size, space=space), "little")
+
+    def write_remote(self, address: int, value: int, size: int = 1, *, space: int = LbpSpace.RAM) -> None:
+        """Write a value of 1, 2, 4 or 8 bytes; negative ones as two's complement. Errors as `read_remote`."""
+        if not -(1 << 8 * size - 1) <= value < 1 << 8 * size:
+            raise ValueError(f"{value} does not fit into {size} bytes")
+        self.write_bytes(address, (value & (1 << 8 * size) - 1).to_bytes(size, "little"), space=space)
+
+    def read_bytes(self, address: int, size: int, *, space: int = LbpSpace.RAM) -> bytes:
+        """1, 2, 4 or 8 bytes, as `read_remote`."""
+        command = frame.read(address, size)
+
+        def operation() -> bytes:
+            self._select(space)
+            return self._once(command)
+
+        with self._back_to_ram():
+            return self._stable(operation)
+
+    def write_bytes(self, address: int, data: bytes, *, space: int = LbpSpace.RAM) -> None:
+        """1, 2, 4 or 8 bytes, as `write_remote`."""
+        command = frame.write(address, data)
+        timeout_s = EEPROM_S if space == LbpSpace.EEPROM else NORMAL_S
+
+        def operation() -> None:
+            self._select(space)
+            self._once(command, timeout_s)
+
+        with self._back_to_ram():
+            self._confirmed(operation)
+
+    @contextmanager
+    def _back_to_ram(self) -> Iterator[None]:
+        """The remote's data accesses mean RAM again afterwards, whatever happened."""
+        try:
+            yield
+        except LbpError as failure:
+            if not isinstance(failure, RemoteRefused):
+                raise  # close() tries again
+            self._confirmed(lambda: self._select(LbpSpace.RAM))
+            raise
+        if self._space != LbpSpace.RAM:
+            self._confirmed(lambda: self._select(LbpSpace.RAM))
+
+    # -- the address pointer
+
+    @property
+    def pointer(self) -> int:
+        """The remote's address pointer: used by `read_next` and `write_next`."""
+        low, high = LbpLocal.address_low.number, LbpLocal.address_high.number
+        return self.read_local(low) | self.read_local(high) << 8
+
+    @pointer.setter
+    def pointer(self, address: int) -> None:
+        if not 0 <= address <= 0xFFFF:
+            raise ValueError(f"address {address:#x} is outside the remote's 64 KiB")
+        self._confirmed(lambda: self._point(address))
+
+    def _point(self, address: int) -> None:
+        self._once(frame.write_local(LbpLocal.address_low.number, address & 0xFF))
+        self._once(frame.write_local(LbpLocal.address_high.number, address >> 8))
+
+    def advance_pointer(self, count: int) -> None:
+        """Add 0..255 to the pointer."""
+        start = self.pointer
+        self._moving(start, count, frame.write_local(LbpLocal.version.number, count))
+
+    def read_next(self, size: int = 1) -> bytes:
+        """`size` bytes at the pointer, which moves behind them."""
+        return self._moving(self.pointer, size, frame.read(None, size, increment=True))
+
+    def write_next(self, data: bytes) -> None:
+        """1, 2, 4 or 8 bytes at the pointer, which moves behind them."""
+        self._moving(self.pointer, len(data), frame.write(None, data, increment=True))
+
+    def _moving(self, start: int, count: int, command: Command) -> bytes:
+        """A command that moves the pointer: repeated from where it stood until it stands where it should."""
+
+        def operation() -> bytes:
+            self._point(start)
+            answer = self._once(command)
+            ends = (LbpLocal.address_low.number, LbpLocal.address_high.number)
+            low, high = (self._once(frame.read_local(number))[0] for number in ends)
+            if low | high << 8 != (start + count) & 0xFFFF:
+                raise WrongAnswer(f"{self}: the pointer stands at 0x{high:02X}{low:02X} after {command}")
+            return answer
+
+        return self._stable(operation) if command.reply else self._confirmed(operation)
+
+    # -- local registers
+
+    def read_local(self, number: int | Register) -> int:
+        """One local register, 0..255."""
+        command = frame.read_local(number if isinstance(number, int) else number.number)
+        return self._stable(lambda: self._once(command))[0]
+
+    def write_local(self, number: int | Register, value: int) -> None:
+        """Write one local register. ValueError for a value outside 0..255."""
+        if not 0 <= value <= 0xFF:
+            raise ValueError(f"{value} is outside 0..255")
+        command = frame.write_local(number if isinstance(number, int) else number.number, value)
+        if command.data[0] & 0x1F == LbpLocal.memory_space.number:
+            self._space = None
+        self._confirmed(lambda: self._once(command))
+
+    @property
+    def name(self) -> str:
+        """The card's name, such as "7I77"."""
+        if not self._known_name:
+            registers = (LbpLocal.name_0, LbpLocal.name_1, LbpLocal.name_2, LbpLocal.name_3)
+            characters = bytes(self.read_local(register) for register in registers)
+            self._known_name = characters.rstrip(b"\0 ").decode("ascii", "replace")
+        return self._known_name
+
+    @property
+    def status(self) -> LbpStatus:
+        """The LBP status, every bit named; `clear_status` clears it."""
+        return LbpStatus(self.read_local(LbpLocal.status))
+
+    def clear_status(self) -> None:
+        """Forget the LBP errors, the watchdog's bit too."""
+        self.write_local(LbpLocal.status, 0)
+
+    @property
+    def capability(self) -> LbpCapability:
+        """What the remote can do; 0 where it does not tell."""
+        return LbpCapability(self.read_local(LbpLocal.capability))
+
+    @property
+    def software_revision(self) -> int:
+        """Revision of the remote's firmware (newer remotes; the 8I20 has a parameter SWREVISION)."""
+        return self.read_local(LbpLocal.software_revision)
+
+    @property
+    def fault(self) -> int:
+        """The remote's fault byte (not 8I20, 7I64)."""
+        return self.read_local(LbpLocal.fault)
+
+    @property
+    def software_mode(self) -> int:
+        """The process data mode; set it before `discovery`."""
+        return self.read_local(LbpLocal.software_mode)
+
+    @software_mode.setter
+    def software_mode(self, mode: int) -> None:
+        self.write_local(LbpLocal.software_mode, mode)
+
+    @property
+    def crc_errors(self) -> int:
+        """Commands with a wrong CRC that the remote has seen, up to 255."""
+        return self.read_local(LbpLocal.crc_errors)
+
+    @property
+    def lbp_version(self) -> int:
+        """Version of LBP."""
+        return self.read_local(LbpLocal.version)
+
+    def clear_faults(self) -> None:
+        """Clear the remote's faults and wait until that is done. Raises WrongAnswer if it never is."""
+        self.write_local(LbpLocal.clear_fault, LbpClearFault.SET)
+        for _ in range(CLEAR_READS):
+            if self.read_local(LbpLocal.clear_fault) == 0:
+                return
+        raise WrongAnswer(f"{self}: the clear-faults flag stays set")
+
+    def reset_processor(self) -> None:
+        """Restart the remote's firmware. It does not answer that; its parameters are as after power-up."""
+        with suppress(LineSilent, WrongAnswer):
+            self._once(frame.write_local(LbpLocal.rpc_size_high.number, LbpReset.KEY))
+        self._space, self._sick, self._known_name = None, True, ""
+
+    # -- RPCs
+
+    @property
+    def unit_number(self) -> int:
+        """The remote's unit number, 32 bits."""
+        return int.from_bytes(self._stable(lambda: self._once(frame.UNIT_NUMBER)), "little")
+
+    def discovery(self) -> Discovery:
+        """Sizes and tables. 8I20 and 7I64, which predate it, refuse (RemoteRefused or LineSilent)."""
+        found = self._stable(lambda: self._once(frame.DISCOVERY))
+        pointers = int.from_bytes(found[2:4], "little"), int.from_bytes(found[4:6], "little")
+        return Discovery(found[0], found[1], *pointers)
+
+    @property
+    def rpc_pitch(self) -> int:
+        """Bytes from one RPC's place in the table to the next one's."""
+        return self.read_local(LbpLocal.rpc_pitch)
+
+    @property
+    def rpc_size(self) -> int:
+        """Bytes of the RPC table."""
+        return self.read_local(LbpLocal.rpc_size_low) | self.read_local(LbpLocal.rpc_size_high) << 8
+
+    @contextmanager
+    def rpc_table(self) -> Iterator[None]:
+        """While open, data accesses go to the RPC table instead of RAM, and no RPC runs."""
+        self.write_local(LbpLocal.rpc_memory_access, 1)
+        try:
+            yield
+        finally:
+            self.write_local(LbpLocal.rpc_memory_access, 0)
+
+    def store_rpc(self, number: int, steps: list[RpcStep]) -> None:
+        """Write a list of accesses into the table as RPC `number`, 0..63, and read it back.
+
+        Raises ValueError where it does not fit, WrongAnswer if it reads back differently.
+        """
+        frame.rpc(number)
+        listed = frame.rpc_list(steps)
+        start = number * self.rpc_pitch
+        if start + len(listed) > self.rpc_size:
+            raise ValueError(f"RPC {number} of {len(listed)} bytes runs over the table's {self.rpc_size}")
+        with self.rpc_table():
+            for offset, byte in enumerate(listed):
+                self.write_bytes(start + offset, bytes([byte]))
+            back = bytes(self.read_remote(start + offset) for offset in range(len(listed)))
+        if back != listed:
+            raise WrongAnswer(f"{self}: RPC {number} was written as {listed.hex(' ')}, reads {back.hex(' ')}")
+
+    def run_rpc(self, number: int, data: bytes = b"", reply: int = 0) -> bytes:
+        """Run a stored RPC once: its accesses may have effects, so it is never repeated.
+
+        data: what its writes take from the stream; reply: bytes its reads answer. Errors as `read_remote`.
+        """
+        if self._sick:
+            self._confirmed(lambda: None)
+        try:
+            answer = self._once(frame.rpc(number, data, reply))
+            misheard = self._misheard()
+        except (LineSilent, WrongAnswer) as failure:
+            self._sick = True
+            if refusal := self._ask_why():
+                raise self._refused(refusal) from failure
+            raise
+        if misheard:
+            self._sick = True
+            raise self._refused(misheard)
+        return answer
+
+    def process_data(self, outputs: bytes, reply: int) -> bytes:
+        """Exchange process data once. reply: bytes of the answer, the fault byte included."""
+        if self._sick:
+            self._confirmed(lambda: None)
+        try:
+            return self._once(frame.process_data(outputs, reply))
+        except (LineSilent, WrongAnswer):
+            self._sick = True
+            raise
+
+    @property
+    def label(self) -> str:
+        """Which remote, in a few words."""
+        return str(self)
+
+    def __str__(self) -> str:
+        return f"{self._known_name} at {self.link.url}" if self._known_name else self.link.url
