@@ -302,9 +302,9 @@ def test_the_8i20_is_known_by_its_name():
         "fault": 48,
     }
     addresses = {p.name: p.address for p in drive.parameters}
-    assert addresses["nvmaxcurrent"] == 2
-    assert addresses["nvbrakeoffv"] == 42
-    assert addresses["swrevision"] == 2164
+    assert addresses["NVMAXCURRENT"] == 2
+    assert addresses["NVBRAKEOFFV"] == 42
+    assert addresses["SWREVISION"] == 2164
 
 
 def test_the_7i64_is_known_by_its_name():

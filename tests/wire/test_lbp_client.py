@@ -225,7 +225,7 @@ def test_parameters_by_name_are_the_same_as_from_inside(kind: str) -> None:
     values = lbp.parameters(connect(card))
     assert len(values) >= 8
     for name in values:
-        if card._field(name).bits in (8, 16, 32):
+        if card.field(name).bits in (8, 16, 32):
             raw = values.parameter(name).encode_unchecked(values[name])
             assert raw == card.get_raw(name), name
 

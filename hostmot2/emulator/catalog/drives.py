@@ -10,6 +10,8 @@ from hostmot2.fields import Direction, Field, FieldKind, ParameterField
 
 PWM_HZ = 12_000
 TEN_MILLI = 655.35
+SCALED = ("V", "A", "degC")
+"""Units that the emulated drive's values are given in; all others are counts."""
 
 _AT_POWER_UP = {
     "BUSV": 32000,
@@ -48,7 +50,7 @@ _FROM_THE_FACTORY = {
 
 def _parameter(declared: ParameterField) -> Parameter:
     """As the drive's memory holds it; limits in the unit, as everywhere in the catalogue."""
-    top = declared.maximum * declared.scale if declared.scale else (1 << declared.bits) - 1
+    top = declared.maximum * (declared.scale if declared.unit in SCALED else 1)
     signed = declared.kind in (FieldKind.SIGNED, FieldKind.NONVOL_SIGNED)
     field = Field(
         declared.name,
