@@ -166,3 +166,44 @@ def test_a_status_word_is_explained(hm2) -> None:
     assert document["live"] == ["over temperature"]
     assert "communication error" in document["sticky"]
     assert hm2("explain", "E999")[0] == 2
+
+
+def test_sserial_scan_names_the_remotes_of_a_7i77(hm2) -> None:
+    """sserial.md 8.1, 8.2: channel 0 field I/O (0x12), 1 analog (0x11), 2 the connector for others."""
+    status, out, _ = hm2(*EMULATED, "sserial", "scan", "--json")
+    assert status == 0
+    rows = json.loads(out)
+    assert [(row["name"], row["unit_number"] >> 24) for row in rows] == [
+        ("7I77", 0x12),
+        ("7I77", 0x11),
+        ("", 0),
+    ]
+    assert rows[2]["result"] == "no answer"
+
+
+def test_sserial_start_tells_what_started(hm2) -> None:
+    status, out, _ = hm2(*EMULATED, "--json", "sserial", "start", "0x03", "--run", "0.01")
+    document = json.loads(out)
+    assert (status, document["started"], document["failed"], document["failed_exchanges"]) == (0, 3, 0, 0)
+    assert document["inputs"].keys() == {"0", "1"}
+
+
+def test_sserial_start_of_an_empty_channel_is_a_device_fault_with_a_checklist(hm2) -> None:
+    status, out, _ = hm2(*EMULATED, "sserial", "start", "4")
+    assert status == 6
+    assert "failed 0x04" in out
+    assert "cable" in out
+
+
+def test_sserial_status_and_counters_name_every_channel(hm2) -> None:
+    """sslbp_observed2.md: a 7I77 alone has 3 channels; CS after STOP ALL is C100."""
+    status = json.loads(hm2(*EMULATED, "--json", "sserial", "status")[1])
+    assert status["revision"] == "1.43"
+    assert [channel["cs"] for channel in status["channels"]] == [0xC100] * 3
+    counters = json.loads(hm2(*EMULATED, "--json", "sserial", "counters")[1])
+    assert [row["timeouts"] for row in counters] == [0, 0, 0]
+
+
+def test_sserial_refuses_ports_and_masks_that_cannot_be(hm2) -> None:
+    assert hm2(*EMULATED, "sserial", "scan", "--port", "1")[0] == 2
+    assert hm2(*EMULATED, "sserial", "start", "0x100")[0] == 2
