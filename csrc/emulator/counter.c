@@ -52,8 +52,9 @@ static int settled(const struct counter *c)
 	uint8_t lines = conditioned(c);
 	if (lines != c->filtered)
 		return 0;
+	int top = limit(c);
 	for (int i = 0; i < COUNTER_INPUTS; i++) {
-		int rests = (lines >> i) & 1 ? c->integrator[i] >= limit(c) : c->integrator[i] == 0;
+		int rests = (lines >> i) & 1 ? c->integrator[i] >= top : c->integrator[i] == 0;
 		if (!rests)
 			return 0;
 	}
@@ -92,6 +93,53 @@ static void filter_tick(struct counter *c)
 		else if (!(lines & bit) && before > 0)
 			c->integrator[i]--;
 	}
+}
+
+/* How many ticks from here on move integrators and nothing else. */
+static int ticks_alone(const struct counter *c)
+{
+	uint8_t lines = conditioned(c);
+	int top = limit(c);
+	int ticks = top;
+	for (int i = 0; i < COUNTER_INPUTS; i++) {
+		int level = (lines >> i) & 1;
+		int filtered = (c->filtered >> i) & 1;
+		int stands = c->integrator[i];
+		if ((stands == 0 && filtered) || (stands >= top && !filtered))
+			return 0;
+		int way = level ? top - stands : stands;
+		if (way > 0 && way < ticks)
+			ticks = way;
+	}
+	return ticks;
+}
+
+static void move_integrators(struct counter *c, int ticks)
+{
+	uint8_t lines = conditioned(c);
+	int top = limit(c);
+	for (int i = 0; i < COUNTER_INPUTS; i++) {
+		int stands = c->integrator[i];
+		if ((lines >> i) & 1)
+			c->integrator[i] = (uint8_t)(stands < top ? stands + ticks : stands);
+		else
+			c->integrator[i] = (uint8_t)(stands > 0 ? stands - ticks : 0);
+	}
+}
+
+/* Ticks up to `last` that only move integrators, all at once. 0: there are none. */
+static int run_integrators(struct counter *c, const struct divider *filter, int64_t last)
+{
+	int alone = c->next_tick <= last ? ticks_alone(c) : 0;
+	if (alone == 0)
+		return 0;
+	int64_t ticks = (last - c->next_tick) / filter->period + 1;
+	if (ticks > alone)
+		ticks = alone;
+	move_integrators(c, (int)ticks);
+	c->clock = c->next_tick + (ticks - 1) * filter->period;
+	c->next_tick = c->clock + filter->period;
+	return 1;
 }
 
 /* Counts of the edge between the two registers: 0, +1 or -1. A and B together count nothing. */
@@ -157,7 +205,8 @@ static void count_edge(struct counter *c, uint16_t timestamp)
 		take_latch(c, before, LATCH_ON_PROBE);
 }
 
-static void step(struct counter *c, const struct counter_feed *feed, const struct divider *timestamp, int64_t n)
+static void step(struct counter *c, const struct counter_feed *feed, const struct divider *filter,
+                 const struct divider *timestamp, int64_t n)
 {
 	if (c->stage1 != c->stage2 || c->clearing != CLEAR_NONE)
 		count_edge(c, (uint16_t)divider_count(timestamp, n - 1));
@@ -165,7 +214,7 @@ static void step(struct counter *c, const struct counter_feed *feed, const struc
 	c->stage1 = c->filtered;
 	if (n == c->next_tick) {
 		filter_tick(c);
-		c->next_tick = 0;
+		c->next_tick = n + filter->period;
 	}
 	sample(c, feed, n);
 	c->clock = n;
@@ -190,13 +239,15 @@ void counter_advance(struct counter *c, const struct counter_feed *feed, const s
 			c->next_tick = divider_next(filter, c->clock + 1);
 		int64_t n = c->clock + 1;
 		if (rests && !at_rest) {
+			if (run_integrators(c, filter, c->next_input <= to ? c->next_input - 1 : to))
+				continue;
 			n = c->next_tick < c->next_input ? c->next_tick : c->next_input;
 			if (n > to) {
 				c->clock = to;
 				return;
 			}
 		}
-		step(c, feed, timestamp, n);
+		step(c, feed, filter, timestamp, n);
 	}
 }
 

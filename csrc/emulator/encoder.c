@@ -12,7 +12,7 @@ struct encoder {
 	struct encoder_pins pins[];
 };
 
-static const struct wave *wave_of(const struct encoder *encoder, int index)
+static struct wave *wave_of(const struct encoder *encoder, int index)
 {
 	return &encoder->bank.card->waves[encoder->bank.first_wave + index];
 }
@@ -83,7 +83,7 @@ static int encoder_outside(void *self, int unit, int number, int *level)
 	const struct encoder *encoder = self;
 	if (unit >= encoder->bank.count || number < 1 || number > ENCODER_LINES)
 		return 0;
-	const struct wave *wave = wave_of(encoder, unit);
+	struct wave *wave = wave_of(encoder, unit);
 	uint8_t bit = (uint8_t)(1u << (number - 1));
 	*level = (wave_bits(wave, encoder->bank.card->now_ps + 1) & bit) != 0;
 	return wave->plugged && !(wave->span.floating & bit);

@@ -94,7 +94,7 @@ static int select_level(const struct muxed_encoder *m, const struct unit *unit, 
 }
 
 /* The encoder whose lines the unit's pins carry just before t. */
-static const struct wave *wave_at(const struct muxed_encoder *m, int u, int64_t t)
+static struct wave *wave_at(const struct muxed_encoder *m, int u, int64_t t)
 {
 	const struct unit *unit = &m->units[u];
 	int index = 2 * u + select_level(m, unit, t);
@@ -234,7 +234,7 @@ static int muxed_outside(void *self, int unit, int number, int *level)
 	if (2 * unit >= m->bank.count || number < 1 || number > ENCODER_LINES)
 		return 0;
 	int64_t t = m->bank.card->now_ps - m->bank.card->mux_delay_ps + 1;
-	const struct wave *wave = wave_at(m, unit, t);
+	struct wave *wave = wave_at(m, unit, t);
 	uint8_t bit = (uint8_t)(1u << (number - 1));
 	*level = (wave_bits(wave, t) & bit) != 0;
 	return wave->plugged && !(wave->span.floating & bit);

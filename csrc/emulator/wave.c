@@ -84,11 +84,6 @@ static uint8_t span_bits(const struct wave_span *span, int64_t t)
 	return bits | span->floating;
 }
 
-uint8_t wave_bits(const struct wave *wave, int64_t t)
-{
-	return wave->plugged ? span_bits(span_at(wave, t), t) : WAVE_A | WAVE_B | WAVE_Z;
-}
-
 static int64_t span_next(const struct wave_span *span, int64_t t)
 {
 	if (span->mode == WAVE_STILL)
@@ -105,15 +100,40 @@ static int64_t span_next(const struct wave_span *span, int64_t t)
 	return span->start_ps + floor_div((wide)span->fraction - reached, -(wide)span->rate) + 1;
 }
 
-int64_t wave_next(const struct wave *wave, int64_t t)
+/* Divisions are dear: what was found out about t holds up to the next change. */
+static int knows(struct wave *wave, int64_t t)
+{
+	if (t <= wave->span.start_ps)
+		return 0;
+	if (t <= wave->known_from || t > wave->known_to) {
+		wave->known_bits = span_bits(&wave->span, t);
+		wave->known_to = span_next(&wave->span, t);
+		wave->known_from = t - 1;
+	}
+	return 1;
+}
+
+uint8_t wave_bits(struct wave *wave, int64_t t)
+{
+	if (!wave->plugged)
+		return WAVE_A | WAVE_B | WAVE_Z;
+	return knows(wave, t) ? wave->known_bits : span_bits(span_at(wave, t), t);
+}
+
+int64_t wave_next(struct wave *wave, int64_t t)
 {
 	if (!wave->plugged)
 		return WAVE_NEVER;
-	/* Before the present span it is enough to look again when the next one starts. */
-	const struct wave_span *span = span_at(wave, t);
-	int64_t next = span_next(span, t);
-	int64_t end = span == &wave->span ? WAVE_NEVER : t;
-	return next < end ? next : end;
+	if (knows(wave, t))
+		return wave->known_to;
+	/* Before the present span it is enough to look again from t on. */
+	return t;
+}
+
+static void forget(struct wave *wave)
+{
+	wave->known_from = WAVE_NEVER;
+	wave->known_to = 0;
 }
 
 /* A new span from where the encoder is now. */
@@ -131,6 +151,7 @@ static struct wave_span *restart(struct wave *wave, int64_t now)
 	} else if (span->mode == WAVE_RUN) {
 		span->fraction = 0;
 	}
+	forget(wave);
 	span->position = position;
 	span->start_ps = now;
 	span->held = 0;
@@ -177,6 +198,7 @@ void wave_set(struct wave *wave, int64_t now, int a, int b, int z)
 /* Motion goes on, with another pattern. */
 void wave_index(struct wave *wave, int64_t every, int64_t width)
 {
+	forget(wave);
 	wave->span.index_every = every;
 	wave->span.index_width = width;
 	wave->plugged = 1;

@@ -35,12 +35,15 @@ struct wave {
 	int plugged;
 	struct wave_span span;
 	struct wave_span past[WAVE_PAST];
+	int64_t known_from; /* for known_from < t <= known_to of the present span: known_bits */
+	int64_t known_to;   /* the next change, WAVE_NEVER */
+	uint8_t known_bits;
 };
 
 /* Line levels just before t: an edge at t itself is not seen yet. A floating line reads 1. */
-uint8_t wave_bits(const struct wave *wave, int64_t t);
+uint8_t wave_bits(struct wave *wave, int64_t t);
 /* The first time >= t at which they may change; WAVE_NEVER. */
-int64_t wave_next(const struct wave *wave, int64_t t);
+int64_t wave_next(struct wave *wave, int64_t t);
 int64_t wave_position(const struct wave *wave, int64_t t);
 
 void wave_run(struct wave *wave, int64_t now, int64_t period_ps, int64_t counts);
