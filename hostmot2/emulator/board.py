@@ -263,12 +263,14 @@ class EmulatedBoard:
                 unit = catalog.CATALOG[name].unit_number + number
                 self.sserial[0].attach(channel, catalog.remote(name, unit_number=unit), through_pins=True)
 
-    def read(self, address: int, count: int = 1) -> int | list[int]:
+    def read(self, address: int, count: int = 1) -> Any:
         """One word, or a list of `count` words at consecutive addresses; takes no virtual time.
 
         Raises ValueError for an address outside the register file or not a multiple of four, and, on a
         strict board, ProtocolError for one that nothing decodes.
         """
+        if count < 1:
+            raise ValueError(f"count must be at least 1, not {count}")
         buffer: Any = ffi.new("uint32_t[]", count)
         check(lib.hm2_emulator_read(self.handle, address, buffer, count, self._error), self._error)
         return int(buffer[0]) if count == 1 else list(buffer)
@@ -327,8 +329,8 @@ class EmulatedBoard:
     def encoder_input(self, number: int) -> EmulatedEncoder:
         """The encoder at encoder input `number`, plugged in by the first call.
 
-        Numbered as the card counts them, muxed ones with their own number although two share pins. Until
-        then the lines float. Raises IndexError when the card has no such input.
+        Numbered as the module descriptors count them; of two muxed ones that share pins each has its
+        number. Until then the lines float. Raises IndexError when the card has no such input.
         """
         if not 0 <= number < lib.hm2_emulator_encoders(self.handle):
             raise IndexError(f"no encoder input {number}")
