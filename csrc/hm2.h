@@ -1136,6 +1136,61 @@ typedef struct hm2_stepgens {
 
 void hm2_stepgens_part(hm2_stepgens *stepgens, hm2_cyclic *part);
 
+/* ---- recording (record_ring.c): one record per cycle, from the cycle's thread to a writer ----- */
+
+/* Stages of a cycle, each stamped when it is over. */
+enum hm2_engine_stage {
+	HM2_STAGE_WAKE,    /* the thread runs: its lateness */
+	HM2_STAGE_REQUEST, /* the request is with the bus */
+	HM2_STAGE_REPLY,   /* its answer is there */
+	HM2_STAGE_UNPACK,  /* readings are values, the snapshot is published */
+	HM2_STAGE_CONTROL, /* outputs taken over, controllers have run */
+	HM2_STAGE_PACK,    /* the values to write are in place */
+	HM2_STAGE_WRITE,   /* read-modify-write: the second exchange is over. Pipelined: nothing to do */
+	HM2_STAGES
+};
+
+#define HM2_RECORD_WORDS 256 /* of the register image, at most */
+
+/* What a record begins with. Behind it: the register image (image_words words, a word per address of the layout,
+ * the last value where this cycle did not move it), then from the next multiple of 8 bytes the input values and the
+ * output values (double). Sizes and layout are fixed for a run. */
+typedef struct hm2_record {
+	uint64_t cycle;        /* number, from 0; a gap is a dropped record */
+	int64_t start_ns;      /* when the cycle was due, CLOCK_MONOTONIC (emulator: the board's clock) */
+	uint32_t stage_ns[8];  /* by enum hm2_engine_stage: end of the stage after start_ns; the last one is unused */
+	uint64_t outputs;      /* number of the output vector that was used */
+	int32_t status;        /* of the cycle's exchanges: enum hm2_status */
+	uint32_t flags;        /* HM2_ENGINE_* that held in this cycle */
+	uint32_t image_words;
+	uint32_t reserved;
+	uint32_t fresh[8];     /* bit n: word n of the image was moved by this cycle's exchanges */
+} hm2_record;
+
+struct hm2_record_ring;
+
+typedef struct hm2_record_ring_counters {
+	uint64_t pushed;   /* records that found room */
+	uint64_t dropped;  /* records that did not */
+	uint64_t popped;
+	uint32_t slots;
+	uint32_t record_size;
+} hm2_record_ring_counters;
+
+/* slots: a power of two up to 2^24; record_size: bytes, a multiple of 8. One thread pushes, another pops; neither
+ * ever waits. The memory is touched here, so that the first pushes find it. HM2_ERR_RANGE, HM2_ERR_NO_MEMORY. */
+int hm2_record_ring_new(uint32_t slots, uint32_t record_size, struct hm2_record_ring **ring, hm2_error *error);
+void hm2_record_ring_free(struct hm2_record_ring *ring);
+/* 1: copied. 0: there is no room, the record is dropped and counted. */
+int hm2_record_ring_push(struct hm2_record_ring *ring, const void *record);
+/* The same without the copy: where the next record may be put (NULL: no room, counted), and giving it away. */
+void *hm2_record_ring_reserve(struct hm2_record_ring *ring);
+void hm2_record_ring_commit(struct hm2_record_ring *ring);
+/* Up to `most` records into a buffer of most * record_size bytes, oldest first; returns how many. */
+size_t hm2_record_ring_pop_many(struct hm2_record_ring *ring, void *buffer, size_t most);
+/* Any thread. */
+void hm2_record_ring_get_counters(const struct hm2_record_ring *ring, hm2_record_ring_counters *counters);
+
 /* ---- an emulated card behind shared memory (emulator/mirror.c) ----------------------------- */
 
 typedef struct hm2_mirror_word {
