@@ -164,8 +164,11 @@ static int write_word(struct hm2_emulator *card, uint32_t address, uint32_t valu
 	struct card_page page = card->pages[address >> 8];
 	if (page.module == 0)
 		return card_identity_write(card, address, value);
-	card_settle(card); /* what the write changes others may have seen until now */
 	struct card_module *module = &card->modules[page.module - 1];
+	if (card->settled_ps != card->now_ps)
+		card_settle(card); /* what the write changes others may have seen until now */
+	else if (module->type->advance)
+		module->type->advance(module->self, card->clock); /* after the last write to it */
 	return module->type->write(module->self, page.reg, address & 0xFC, value);
 }
 
@@ -178,12 +181,11 @@ static int check_range(uint32_t address, size_t count, hm2_error *error)
 	return HM2_OK;
 }
 
-int hm2_emulator_read(hm2_emulator *card, uint32_t address, uint32_t *words, size_t count, hm2_error *error)
+int card_read_words(struct hm2_emulator *card, uint32_t address, uint32_t *words, size_t count, hm2_error *error)
 {
 	int status = check_range(address, count, error);
 	if (status != HM2_OK)
 		return status;
-	card_touch(card);
 	for (size_t i = 0; i < count; i++) {
 		if (read_word(card, address + 4 * (uint32_t)i, &words[i]) != 0)
 			continue;
@@ -194,18 +196,30 @@ int hm2_emulator_read(hm2_emulator *card, uint32_t address, uint32_t *words, siz
 	return HM2_OK;
 }
 
-int hm2_emulator_write(hm2_emulator *card, uint32_t address, const uint32_t *words, size_t count,
-                       hm2_error *error)
+int card_write_words(struct hm2_emulator *card, uint32_t address, const uint32_t *words, size_t count,
+                     hm2_error *error)
 {
 	int status = check_range(address, count, error);
 	if (status != HM2_OK)
 		return status;
-	card_touch(card);
 	for (size_t i = 0; i < count; i++) {
 		if (!write_word(card, address + 4 * (uint32_t)i, words[i]) && card->options.strict)
 			return fail(error, HM2_ERR_PROTOCOL, address + 4 * (uint32_t)i, "undecoded write");
 	}
 	return HM2_OK;
+}
+
+int hm2_emulator_read(hm2_emulator *card, uint32_t address, uint32_t *words, size_t count, hm2_error *error)
+{
+	card_touch(card);
+	return card_read_words(card, address, words, count, error);
+}
+
+int hm2_emulator_write(hm2_emulator *card, uint32_t address, const uint32_t *words, size_t count,
+                       hm2_error *error)
+{
+	card_touch(card);
+	return card_write_words(card, address, words, count, error);
 }
 
 int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm2_remote *remote, int through_pins)

@@ -70,6 +70,7 @@ struct ioport;
 struct hm2_emulator {
 	int64_t now_ps;
 	int64_t clock;
+	int64_t settled_ps; /* the time every module has been advanced to */
 	int64_t period_ps;
 	int64_t high_period_ps;
 	int64_t real_origin_ns;
@@ -112,6 +113,10 @@ uint32_t card_idrom_field(const struct hm2_emulator *card, uint32_t offset);
 /* A part without registers that lives in the card's time: only advance, next_event, fire and destroy. */
 int card_add_part(struct hm2_emulator *card, const struct card_module_type *type, void *self);
 int card_has(const struct hm2_emulator *card, uint8_t gtag); /* a descriptor names it */
+/* Words at the time last touched: what a list of transfers does is done at one time. */
+int card_read_words(struct hm2_emulator *card, uint32_t address, uint32_t *words, size_t count, hm2_error *error);
+int card_write_words(struct hm2_emulator *card, uint32_t address, const uint32_t *words, size_t count,
+                     hm2_error *error);
 struct card_module *card_find(struct hm2_emulator *card, uint8_t gtag);
 
 #endif

@@ -3,6 +3,7 @@
 
 static int bus_begin(void *self, const hm2_transfer *transfers, size_t count, hm2_error *error)
 {
+	card_touch(self);
 	for (size_t i = 0; i < count; i++) {
 		const hm2_transfer *t = &transfers[i];
 		int same = (t->flags & HM2_TRANSFER_SAME_ADDRESS) != 0;
@@ -10,8 +11,8 @@ static int bus_begin(void *self, const hm2_transfer *transfers, size_t count, hm
 		size_t words = same ? 1 : t->count;
 		for (size_t k = 0; k < times; k++) {
 			int status = t->flags & HM2_TRANSFER_WRITE
-			                     ? hm2_emulator_write(self, t->address, t->words + k, words, error)
-			                     : hm2_emulator_read(self, t->address, t->words + k, words, error);
+			                     ? card_write_words(self, t->address, t->words + k, words, error)
+			                     : card_read_words(self, t->address, t->words + k, words, error);
 			if (status != HM2_OK)
 				return status;
 		}

@@ -86,6 +86,7 @@ void card_sleep_ns(int64_t ns)
 void card_settle(struct hm2_emulator *card)
 {
 	advance_modules(card, card->clock);
+	card->settled_ps = card->now_ps;
 }
 
 void card_pins_changed(struct hm2_emulator *card)
