@@ -1,0 +1,212 @@
+/* The SSERIAL port when its mailbox hangs, its bus fails or nobody takes its faults. */
+#include "mailbox.h"
+
+static struct mailbox box;
+
+static void check_commands(const uint32_t *expected, size_t count)
+{
+	CHECK_EQUAL(box.count, count);
+	for (size_t i = 0; i < count && i < box.count; i++)
+		CHECK_EQUAL(box.commands[i], expected[i]);
+}
+
+static void start(uint32_t mask)
+{
+	mailbox_open(&box);
+	CHECK_EQUAL(hm2_sserial_start(box.port, mask, HM2_SSERIAL_NORMAL, &box.error), 0);
+	box.count = 0;
+}
+
+static int not_a_doit(struct mailbox *mailbox, uint32_t command)
+{
+	(void)mailbox;
+	return (command & 0xFF00) != 0x1000;
+}
+
+static void test_a_hung_doit_is_aborted_and_everything_stopped(void)
+{
+	static const uint32_t expected[] = {0x1003, 0x08FF, 0x0800};
+	start(3);
+	hm2_sserial_get_image(box.port)->outputs[0][0] = 0x1234;
+	box.completes = not_a_doit;
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 3, &box.error), HM2_ERR_TIMEOUT);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_UNJAMMED);
+	CHECK_EQUAL(box.error.received, 0x1003);
+	check_commands(expected, 3);
+	CHECK_EQUAL(hm2_sserial_started(box.port), 0);
+	CHECK_EQUAL(hm2_sserial_get_image(box.port)->outputs[0][0], 0);
+	mailbox_free(&box);
+}
+
+/* In reset nothing completes; the write that ends it clears the register. */
+static int only_after_a_reset(struct mailbox *mailbox, uint32_t command)
+{
+	for (size_t i = 0; i < mailbox->count && i < COMMANDS; i++)
+		if (mailbox->commands[i] == 0x4000)
+			return command != 0x4000;
+	return 0;
+}
+
+static void test_where_stopping_does_not_help_the_processor_is_reset(void)
+{
+	static const uint32_t expected[] = {0x1001, 0x08FF, 0x4000, 0x0001, 0x2003};
+	start(1);
+	box.completes = only_after_a_reset;
+	box.words[DATA / 4] = 0x2B;
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 1, &box.error), HM2_ERR_TIMEOUT);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_RESET);
+	check_commands(expected, 5);
+	mailbox_free(&box);
+}
+
+static int never(struct mailbox *mailbox, uint32_t command)
+{
+	(void)mailbox;
+	(void)command;
+	return 0;
+}
+
+static void test_a_dead_processor_is_said_to_be_dead(void)
+{
+	start(1);
+	box.completes = never;
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 1, &box.error), HM2_ERR_TIMEOUT);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_DEAD);
+	CHECK_EQUAL(hm2_sserial_started(box.port), 0);
+	mailbox_free(&box);
+}
+
+/* The doorbell of the first command after a reset is lost; written again it works. */
+static int not_the_first_read(struct mailbox *mailbox, uint32_t command)
+{
+	if (command == 0x4000)
+		return 0;
+	return command != 0x2003 || mailbox->commands[mailbox->count - 2] == 0x2003;
+}
+
+static void test_a_command_lost_behind_a_reset_is_written_again(void)
+{
+	static const uint32_t expected[] = {0x4000, 0x0001, 0x2003, 0x2003};
+	mailbox_open(&box);
+	box.completes = not_the_first_read;
+	box.words[DATA / 4] = 0x2B;
+	CHECK_EQUAL(hm2_sserial_reset(box.port, &box.error), HM2_OK);
+	check_commands(expected, 4);
+	mailbox_free(&box);
+}
+
+static void test_a_revision_of_aa_is_not_believed(void)
+{
+	mailbox_open(&box);
+	box.words[DATA / 4] = 0xAA;
+	CHECK_EQUAL(hm2_sserial_reset(box.port, &box.error), HM2_ERR_PROTOCOL);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_NO_FIRMWARE);
+	CHECK_EQUAL(box.error.received, 0xAA);
+	mailbox_free(&box);
+}
+
+static int not_a_start(struct mailbox *mailbox, uint32_t command)
+{
+	(void)mailbox;
+	return (command & 0xFF00) != 0x0900;
+}
+
+static void test_a_start_that_hangs_is_ended_for_those_that_are_not_ready(void)
+{
+	static const uint32_t expected[] = {0x0907, 0x08FF, 0x0804};
+	mailbox_open(&box);
+	box.words[CS / 4] = 0x003A0000;
+	box.words[CS / 4 + 1] = 0x003B0000;
+	box.words[CS / 4 + 2] = 0x00328100; /* waits for its flag */
+	box.completes = not_a_start;
+	CHECK_EQUAL(hm2_sserial_start(box.port, 7, HM2_SSERIAL_NORMAL, &box.error), 4);
+	check_commands(expected, 3);
+	CHECK_EQUAL(hm2_sserial_started(box.port), 3);
+	mailbox_free(&box);
+}
+
+static void test_a_bus_that_fails_in_a_doit_leaves_the_port_usable(void)
+{
+	start(1);
+	box.words[USER0 / 4] = 0x11;
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 1, &box.error), 0);
+	box.words[USER0 / 4] = 0x22;
+	box.fail_next = 1;
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 1, &box.error), HM2_ERR_IO);
+	CHECK_EQUAL(hm2_sserial_get_image(box.port)->inputs[0][0], 0x11);
+	CHECK_EQUAL(hm2_sserial_started(box.port), 1);
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 1, &box.error), 0);
+	CHECK_EQUAL(hm2_sserial_get_image(box.port)->inputs[0][0], 0x22);
+	mailbox_free(&box);
+}
+
+static void test_faults_that_nobody_takes_are_counted(void)
+{
+	hm2_sserial_event events[HM2_SSERIAL_EVENTS];
+	uint64_t lost = 0;
+	start(1);
+	for (uint32_t i = 0; i < HM2_SSERIAL_EVENTS + 10; i++) {
+		box.words[CS / 4] = 0x00420000 | (i % 2 ? 0 : 0x01000000u);
+		CHECK(hm2_sserial_doit(box.port, 1, &box.error) >= 0);
+	}
+	/* a live bit that comes and goes is new every other time: nothing is lost yet */
+	CHECK_EQUAL(hm2_sserial_take_events(box.port, events, HM2_SSERIAL_EVENTS, &lost), HM2_SSERIAL_EVENTS / 2 + 5);
+	CHECK_EQUAL(lost, 0);
+	CHECK_EQUAL(events[0].rising, 0x01000000u);
+	CHECK_EQUAL(events[0].transfer, 1);
+	CHECK_EQUAL(events[1].transfer, 3);
+	for (uint32_t i = 0; i < 2 * HM2_SSERIAL_EVENTS + 20; i++) {
+		box.words[CS / 4] = 0x00420000 | (i % 2 ? 0 : 0x01000000u);
+		CHECK(hm2_sserial_doit(box.port, 1, &box.error) >= 0);
+	}
+	CHECK_EQUAL(hm2_sserial_take_events(box.port, events, HM2_SSERIAL_EVENTS, &lost), HM2_SSERIAL_EVENTS);
+	CHECK_EQUAL(lost, 10);
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 1, &box.error) & HM2_SSERIAL_NEWS, 0);
+	mailbox_free(&box);
+}
+
+static void test_the_ignored_write_is_no_command(void)
+{
+	start(1);
+	CHECK_EQUAL(hm2_sserial_ignored_write(box.port, &box.error), HM2_OK);
+	CHECK_EQUAL(box.count, 0);
+	mailbox_free(&box);
+}
+
+static void test_arguments_outside_their_range(void)
+{
+	uint64_t value = 0;
+	uint8_t byte = 0;
+	start(1);
+	CHECK_EQUAL(hm2_sserial_start(box.port, 0x100, HM2_SSERIAL_NORMAL, &box.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(hm2_sserial_start(box.port, 1, 7, &box.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(hm2_sserial_start(box.port, 2, HM2_SSERIAL_SETUP, &box.error), HM2_ERR_BUSY);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_MODE_CONFLICT);
+	CHECK_EQUAL(hm2_sserial_stop(box.port, 0x100, &box.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 0x100, &box.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(hm2_sserial_read_local(box.port, 0x1000, &byte, 1, &box.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(hm2_sserial_read_local(box.port, 0xFFF, &byte, 2, &box.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(hm2_sserial_read_remote(box.port, 0, 0, 0, 3, &value, &box.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(hm2_sserial_read_remote(box.port, 8, 0, 0, 1, &value, &box.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(hm2_sserial_read_remote(box.port, 0, 0, 0xFFFF, 2, &value, &box.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(hm2_sserial_read_remote(box.port, 0, 0, 0, 1, &value, &box.error), HM2_ERR_BUSY);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_NOT_STARTED);
+	CHECK_EQUAL(hm2_sserial_set_bits(box.port, 0, 97, 0, &box.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(box.count, 0);
+	mailbox_free(&box);
+}
+
+int main(void)
+{
+	test_a_hung_doit_is_aborted_and_everything_stopped();
+	test_where_stopping_does_not_help_the_processor_is_reset();
+	test_a_dead_processor_is_said_to_be_dead();
+	test_a_command_lost_behind_a_reset_is_written_again();
+	test_a_revision_of_aa_is_not_believed();
+	test_a_start_that_hangs_is_ended_for_those_that_are_not_ready();
+	test_a_bus_that_fails_in_a_doit_leaves_the_port_usable();
+	test_faults_that_nobody_takes_are_counted();
+	test_the_ignored_write_is_no_command();
+	test_arguments_outside_their_range();
+	return CHECK_RESULT();
+}
