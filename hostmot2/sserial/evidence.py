@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from hostmot2.fields import Field, FieldKind
@@ -118,6 +119,31 @@ class ChannelEvidence:
         return str(self.channel), self.name or "-", unit, self.reason, cs, counted
 
 
+DEVICE_7I77_FIELD, DEVICE_7I77_ANALOG = 0x12, 0x11
+"""Top bytes of unit numbers; a 7I77 has its field I/O on the channel before its analog outputs."""
+
+
+def hints(rows: Sequence[ChannelEvidence]) -> list[str]:
+    """What rows say together that none says alone."""
+    by_channel = {row.channel: row for row in rows}
+    found = []
+    for row in rows:
+        before = by_channel.get(row.channel - 1)
+        after = by_channel.get(row.channel + 1)
+        if row.identity.device_code == DEVICE_7I77_ANALOG and before is not None and not before.found:
+            found.append(
+                f"The 7I77's analog outputs answer on channel {row.channel}, so cable and 5 V are good, but "
+                f"its field I/O on channel {before.channel} does not: it needs VIN, 8-32 V at TB2-5 "
+                "(from VFIELD if W1 is in its left position)."
+            )
+        if row.identity.device_code == DEVICE_7I77_FIELD and after is not None and not after.found:
+            found.append(
+                f"The 7I77's field I/O answers on channel {row.channel}, but its analog outputs on channel "
+                f"{after.channel} do not: they take 5 V from the host or TB1, see W5."
+            )
+    return found
+
+
 _HEADER = ("channel", "name", "unit", "result", "CS", "counted")
 
 
@@ -127,7 +153,7 @@ class Scan(tuple[ChannelEvidence, ...]):
     __slots__ = ()
 
     def __repr__(self) -> str:
-        return table([_HEADER, *(row.row() for row in self)])
+        return "\n".join([table([_HEADER, *(row.row() for row in self)]), *hints(self)])
 
 
 @dataclass(frozen=True)
@@ -153,7 +179,7 @@ class StartResult:
             return text
         silent = any(not row.found for row in self.channels if self.failed >> row.channel & 1)
         rows = table([_HEADER, *(row.row() for row in self.channels)])
-        return "\n".join([text, rows, *([CHECKLIST] if silent else [])])
+        return "\n".join([text, rows, *hints(self.channels), *([CHECKLIST] if silent else [])])
 
     def __repr__(self) -> str:
         return f"<StartResult {self}>"

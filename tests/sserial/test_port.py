@@ -179,6 +179,16 @@ def test_an_absent_remote_fails_with_evidence_and_the_others_run(hm2, field):
     assert hm2.sserial.doit(0x01).failed == 0
 
 
+def test_a_7i77_without_field_power_is_told_from_a_bad_cable(card, hm2):
+    # the field I/O is only detected when VIN is there (7I77 manual)
+    card.sserial[0].attach(1, analog())
+    text = str(hm2.sserial.start(0x03))
+    assert "channel 1, so cable and 5 V are good" in text
+    assert "VIN" in text
+    hm2.sserial.stop()
+    assert "VIN" in repr(hm2.sserial.scan())
+
+
 def test_a_channel_the_firmware_does_not_have(hm2, field):
     result = hm2.sserial.start(0x81)
     assert (result.started, result.failed) == (0x01, 0x80)
