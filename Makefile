@@ -5,7 +5,7 @@ CORE    := $(shell find csrc -name '*.c' -o -name '*.h') hostmot2/_bound.c hostm
 EXT     := hostmot2/_core.abi3.so
 FUZZ_SECONDS ?= 60
 
-.PHONY: all demo test check bench docs fuzz registers clean
+.PHONY: all demo test check bench interop docs fuzz registers clean
 all: $(EXT)
 
 $(VENV)/ready: pyproject.toml tools/venv
@@ -38,6 +38,10 @@ bench: $(EXT) $(VENV)/ready-dev
 docs: $(EXT) $(VENV)/ready-dev
 	@$(PY) registers/generate.py --check
 	@$(PY) -m mkdocs build -q --strict
+
+# Debian's mesaflash and LinuxCNC against the emulated card; needs root, works in network namespaces of its own
+interop: $(EXT)
+	@tools/interop $(PY)
 
 # longer than in make check; finds go to build/c/fuzz
 fuzz: $(EXT)

@@ -1,0 +1,306 @@
+"""What the tests with foreign clients make for themselves: network namespaces, a served card, a HAL session.
+
+Everything happens in namespaces of its own: nothing of the machine's own network is touched. Needs root.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from hostmot2.emulator.control import ask
+
+CARD_IP, HOST_IP, MAC = "10.10.10.10", "10.10.10.1", "00:60:1b:10:12:34"
+HM2 = [sys.executable, "-c", "from hostmot2.cli import main; main()"]
+NOBODY = 65534
+
+
+def run(*command: str, timeout: float = 60, check: bool = True, **options: Any) -> str:
+    """A command's output; AssertionError with what it said when it fails."""
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=timeout, errors="replace", **options
+    )
+    assert not check or done.returncode == 0, (
+        f"{' '.join(command)}: {done.returncode}\n{done.stdout}{done.stderr}"
+    )
+    return done.stdout
+
+
+class Network:
+    """Two namespaces joined by a veth pair: the card's, whose end has the card's MAC, and the host's."""
+
+    def __init__(self) -> None:
+        self.card, self.host = f"hm2card{os.getpid()}", f"hm2host{os.getpid()}"
+
+    def __enter__(self) -> Network:
+        for name in (self.card, self.host):
+            run("ip", "netns", "add", name)
+            run("ip", "-n", name, "link", "set", "lo", "up")
+        run(
+            *("ip", "link", "add", "card0", "netns", self.card, "address", MAC),
+            *("type", "veth", "peer", "name", "host0", "netns", self.host),
+        )
+        for name, link, address in ((self.card, "card0", CARD_IP), (self.host, "host0", HOST_IP)):
+            run("ip", "-n", name, "addr", "add", f"{address}/24", "dev", link)
+            run("ip", "-n", name, "link", "set", link, "up")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for name in (self.card, self.host):
+            run("ip", "netns", "del", name, check=False)
+
+    def in_card(self, *command: str) -> list[str]:
+        """A command in the card's namespace."""
+        return ["ip", "netns", "exec", self.card, *command]
+
+    def in_host(self, *command: str) -> list[str]:
+        """A command in the host's namespace."""
+        return ["ip", "netns", "exec", self.host, *command]
+
+
+class ServedCard:
+    """`hm2 emulate` in the card's namespace, with its control socket.
+
+    Its thread is real-time, above LinuxCNC's: a real card does not wait for the host's processor. mesaflash
+    gives it 2 ms for its first answer.
+    """
+
+    def __init__(self, network: Network, directory: Path, spec: str = "7i92+7i77", *options: str) -> None:
+        self.network = network
+        self.control = directory / "control"
+        self._command = [*HM2, "emulate", spec, "--listen", CARD_IP, "--mac", MAC, "--priority", "45"]
+        self._command += ["--control", str(self.control), *options]
+
+    def __enter__(self) -> ServedCard:
+        self._process = subprocess.Popen(
+            self.network.in_card(*self._command), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+        )
+        assert self._process.stdout
+        assert self._process.stdout.readline().startswith("ready"), "the emulated card did not start"
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.terminate()
+        self.status = self._process.wait(20)
+        assert self._process.stdout
+        self._process.stdout.close()
+
+    def get(self, key: str) -> float:
+        """What `hm2 emu get` prints."""
+        return float(ask(self.control, "get", key))
+
+    def set(self, key: str, value: float) -> None:
+        """As `hm2 emu set`."""
+        ask(self.control, "set", key, repr(value))
+
+    def hm2(self, *arguments: str) -> Any:
+        """What our own driver reports of this card: `hm2 --json ...` in the card's namespace."""
+        command = [*HM2, "--json", "--board", f"udp://{CARD_IP}", *arguments]
+        return json.loads(run(*self.network.in_card(*command)))
+
+    def mesaflash(self, *arguments: str, device: str = "7I92", check: bool = True) -> str:
+        """What mesaflash prints. It hangs for ever on an unanswered read, hence the time limit."""
+        command = ["mesaflash", "--device", device, "--addr", CARD_IP, *arguments]
+        return run(*self.network.in_card(*command), timeout=60, check=check)
+
+
+class HalError(AssertionError):
+    """LinuxCNC did not do what it was told."""
+
+
+class Hal:
+    """A HAL session of LinuxCNC in the host's namespace, with shared memory of its own.
+
+    rtapi_app refuses to run as root, so it runs as nobody and gets its rights from its setuid bit.
+    """
+
+    def __init__(self, network: Network, directory: Path) -> None:
+        self.network = network
+        # not below directory: nobody may not go through pytest's
+        self.home = Path(tempfile.mkdtemp(prefix="hm2-hal-"))
+        shutil.chown(self.home, NOBODY)
+        self.directory = directory
+        self._count = 0
+
+    def _as_nobody(self, *command: str) -> list[str]:
+        return [
+            *("setpriv", f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups"),
+            *(
+                "env",
+                f"HOME={self.home}",
+                f"RTAPI_FIFO_PATH={self.home}/fifo",
+                "PATH=/usr/bin:/bin:/usr/sbin:/sbin",
+            ),
+            *command,
+        ]
+
+    def __enter__(self) -> Hal:
+        # keeps the namespaces; halrun itself would refuse to run beside another session of the machine
+        self._process = subprocess.Popen(
+            self.network.in_host("unshare", "--ipc", *self._as_nobody("sleep", "infinity"))
+        )
+        own = os.readlink("/proc/self/ns/ipc")
+        assert until(lambda: os.readlink(f"/proc/{self._inside()}/ns/ipc") != own)
+        self._namespace = os.readlink(f"/proc/{self._inside()}/ns/ipc")
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with contextlib.suppress(HalError):
+            self.halcmd("stop", "unloadrt all")
+        self._inside_run("rtapi_app", "exit")
+        until(lambda: not self._of_this_session("rtapi_app"), 10)
+        for pid in self._of_this_session():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        self._process.wait()
+        shutil.rmtree(self.home, ignore_errors=True)
+
+    def _inside_run(self, *command: str, lines: Sequence[str] = (), output: Any = subprocess.DEVNULL) -> int:
+        done = subprocess.run(
+            ["nsenter", f"--target={self._inside()}", "--ipc", "--net", *self._as_nobody(*command)],
+            input="\n".join(lines) + "\n",
+            stdout=output,
+            stderr=output,
+            text=True,
+            timeout=30,
+        )
+        return done.returncode
+
+    def said(self) -> str:
+        """What LinuxCNC has printed; its own messages come when it ends."""
+        return "".join(path.read_text(errors="replace") for path in sorted(self.directory.glob("*.log")))
+
+    def halcmd(self, *lines: str) -> str:
+        """Commands in one halcmd of their own; what it prints. Raises HalError.
+
+        Into a file: the first loadrt leaves rtapi_app behind, which would hold a pipe open.
+        """
+        self._count += 1
+        path = self.directory / f"halcmd{self._count:06}.log"
+        with path.open("w") as output:
+            status = self._inside_run("halcmd", "-s", "-f", lines=lines, output=output)
+        text = path.read_text(errors="replace")
+        if status:
+            raise HalError(f"{lines}: {text}")
+        if not lines[0].startswith("loadrt"):
+            path.unlink()
+        return text
+
+    def _inside(self) -> int:
+        """The process that keeps the session's namespaces."""
+        return self._process.pid
+
+    def pins(self, pattern: str = "") -> dict[str, float]:
+        """All pins and parameters whose name begins so, as numbers."""
+        text = self.halcmd(f"show pin {pattern}*", f"show param {pattern}*")
+        found: dict[str, float] = {}
+        for line in text.splitlines():
+            words = line.split()
+            if len(words) >= 5:
+                found[words[4]] = _number(words[3])
+        return found
+
+    def set(self, **pins: float) -> None:
+        """setp for each; names with __ for dots."""
+        self.set_pins({name.replace("__", "."): value for name, value in pins.items()})
+
+    def set_pins(self, pins: dict[str, float]) -> None:
+        """setp for each, in one go."""
+        self.halcmd(*(f"setp {name} {value:g}" for name, value in pins.items()))
+
+    def realtime(self, priority: int) -> None:
+        """SCHED_FIFO for LinuxCNC's threads, which are not real-time without its own kernel."""
+        for pid in self._of_this_session("rtapi_app"):
+            run("chrt", "-f", "-a", "-p", str(priority), str(pid), check=False)
+
+    def _of_this_session(self, name: str = "") -> list[int]:
+        """Processes of this session: by its namespace, so that no other is touched."""
+        found = []
+        for directory in Path("/proc").iterdir():
+            with contextlib.suppress(OSError):
+                command = (directory / "comm").read_text().strip() if directory.name.isdigit() else ""
+                if command.startswith(name) and os.readlink(directory / "ns/ipc") == self._namespace:
+                    found.append(int(directory.name))
+        return found
+
+
+def _number(text: str) -> float:
+    if text in ("TRUE", "FALSE"):
+        return float(text == "TRUE")
+    try:
+        return float(int(text, 16)) if text.startswith("0x") else float(text)
+    except ValueError:
+        return float("nan")
+
+
+_WATCH = """
+import os, sys, time
+os.sched_setaffinity(0, {int(sys.argv[1])})
+# only now: an interpreter starting as a real-time process would itself be the stall. Below LinuxCNC's threads.
+os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(39))
+worst, until = 0.0, time.monotonic() + float(sys.argv[2])
+while (start := time.monotonic()) < until:
+    time.sleep(0.001)
+    worst = max(worst, time.monotonic() - start - 0.001)
+print(worst)
+"""
+
+
+@contextlib.contextmanager
+def stall_watch(seconds: float) -> Iterator[list[float]]:
+    """Measures how long the machine holds up a real-time process, on each processor; result at the end."""
+    watchers = [
+        subprocess.Popen(
+            [sys.executable, "-c", _WATCH, str(cpu), str(seconds)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for cpu in sorted(os.sched_getaffinity(0))
+    ]
+    worst: list[float] = []
+    try:
+        yield worst
+    finally:
+        for watcher in watchers:
+            watcher.wait(seconds + 30)
+            assert watcher.stdout
+            worst.append(float(watcher.stdout.read() or "nan"))
+            watcher.stdout.close()
+
+
+def until(condition: Any, timeout: float = 2.0) -> bool:
+    """Whether the condition comes true within the time."""
+    end = time.monotonic() + timeout
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return bool(condition())
+
+
+def blocks(text: str, start: str) -> list[str]:
+    """Text cut at each line that matches `start`."""
+    return re.split(f"(?m)^(?={start})", text)[1:]
+
+
+def missing_programs(names: Sequence[str]) -> list[str]:
+    """Those that are not installed."""
+    return [name for name in names if shutil.which(name) is None]
