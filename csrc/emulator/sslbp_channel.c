@@ -41,6 +41,11 @@ static int initialise(struct hm2_sslbp *s, int channel)
 {
 	uint8_t *block = sslbp_block(s, channel);
 	uint8_t bit = (uint8_t)(1u << channel);
+	int cost = COST_CHANNEL_INIT;
+	if (s->ram[HM2_SSLBP_LOCAL_START_TYPE] == 0)
+		cost += COST_CHANNEL_FIRST_INIT;
+	else if (block[HM2_SSLBP_CHANNEL_STATE] != HM2_COM_STATE_RESET)
+		cost += COST_CHANNEL_ACTIVE_INIT;
 	memset(block + HM2_SSLBP_CHANNEL_STATE, 0, HM2_SSLBP_CHANNEL_ID - HM2_SSLBP_CHANNEL_STATE + 1);
 	block[HM2_SSLBP_CHANNEL_GENERIC] = 0;
 	block[HM2_SSLBP_CHANNEL_ERROR_LIMIT] = HM2_SSLBP_LIMIT_ERRORS;
@@ -56,7 +61,7 @@ static int initialise(struct hm2_sslbp *s, int channel)
 	s->ram[HM2_SSLBP_LOCAL_NOT_STARTED_MASK] |= bit;
 	for (int reg = s->data_registers; reg > 0; reg--)
 		sslbp_show(s, channel, reg, 0, s->cpu + (reg == 1 ? COST_INIT_FIRST_REGISTER : COST_INIT_REGISTERS));
-	return COST_CHANNEL_INIT;
+	return cost;
 }
 
 /* Setup mode: how much the access written to CS reads; 0: it is not one that can be sent. */

@@ -23,7 +23,15 @@ static int lookup(unsigned state)
 /* From the look at the tick counter, which is the start time, to the end of the turn. */
 int sslbp_cost_after_clock(unsigned state)
 {
-	return state == HM2_COM_STATE_RUN_8I20 || state == HM2_COM_STATE_RUN_7I64 ? 45 : 25;
+	switch (state) {
+	case HM2_COM_STATE_CHATTER_SEND:
+		return 14;
+	case HM2_COM_STATE_RUN_8I20:
+	case HM2_COM_STATE_RUN_7I64:
+		return 66;
+	default:
+		return 25;
+	}
 }
 
 int sslbp_cost_to_start_bit(unsigned state)
@@ -69,8 +77,9 @@ int sslbp_cost_of_sending(unsigned state, const uint8_t *frame, size_t length)
 	case HM2_COM_STATE_ZERO_SEND:
 		return 74 + 10 * bytes;
 	case HM2_COM_STATE_CHATTER_SEND:
-	case HM2_COM_STATE_RUN:
 		return 80 + 10 * bytes;
+	case HM2_COM_STATE_RUN:
+		return 76 + 12 * bytes;
 	case HM2_COM_STATE_RUN_8I20:
 	case HM2_COM_STATE_RUN_7I64:
 		return 94;
@@ -95,12 +104,12 @@ int sslbp_cost_of_answer(unsigned state, unsigned size)
 	case HM2_COM_STATE_ZERO_GET:
 		return 80 + 11 * bytes;
 	case HM2_COM_STATE_CHATTER_GET:
-		return (bytes == 8 ? 90 : 94) + 11 * bytes;
+		return 94 + 11 * bytes;
 	case HM2_COM_STATE_RUN_8I20_GET:
 	case HM2_COM_STATE_RUN_7I64_GET:
 		return 176;
 	case HM2_COM_STATE_RUN_GET:
-		return 90 + 11 * bytes;
+		return 97 + 28 * bytes / 3;
 	case HM2_COM_STATE_SETUP_GET:
 		return size <= 8 ? setup[size] : 0;
 	case HM2_COM_STATE_CLEAR_FAULT_POLL_GET:

@@ -19,22 +19,24 @@ enum sslbp_cost {
 	COST_COMPLETE = 7, /* write DATA, clear COMMAND */
 
 	/* Decoding a command. */
-	COST_LOCAL_DONE = 36, /* from the doorbell to the end of a local access */
-	COST_AFTER_STOP_ALL = 41,
+	COST_LOCAL_DONE = 45, /* from the doorbell to the end of a local access */
+	COST_AFTER_STOP_ALL = 6,
 	COST_DECODE_LOCAL = 41,
 	COST_DECODE_INVALID = 36,
 	COST_DECODE_DOIT = 41,
-	COST_DECODE_STOP = 16,
-	COST_DECODE_START = 1448, /* divides the clock by the tick rate */
-	COST_DECODE_STOP_ALL = 41,
-	COST_INIT_PER_CHANNEL = 1484, /* divides the baud rate by the clock */
-	COST_INIT = 33,
+	COST_DECODE_STOP = 2,
+	COST_DECODE_START = 1441, /* divides the clock by the tick rate */
+	COST_DECODE_STOP_ALL = 81,
+	COST_INIT_PER_CHANNEL = 1486, /* divides the baud rate by the clock */
+	COST_INIT = 15,
 	COST_RESET_TO_CLEAR = 2164,
-	COST_RESET_DOORBELL = 63, /* the doorbell is cleared that much after COMMAND */
+	COST_RESET_DOORBELL = 5, /* the doorbell is cleared that much after COMMAND */
 
 	/* A channel's turn. */
 	COST_CHANNEL = 30,
-	COST_CHANNEL_INIT = 67,
+	COST_CHANNEL_INIT = 60,
+	COST_CHANNEL_ACTIVE_INIT = 44, /* more, of one that was started */
+	COST_CHANNEL_FIRST_INIT = 17, /* more, when all are initialised */
 	COST_PAUSE = 48,
 	COST_IDLE = 42,
 	COST_WAIT = 65,
@@ -46,13 +48,13 @@ enum sslbp_cost {
 	COST_TO_START_BIT = 40,
 	COST_TO_RECEIVE = 24,
 
-	COST_TO_MEASURE = 60, /* the exchange time, from the beginning of the turn */
+	COST_TO_MEASURE = 100, /* the exchange time, from the beginning of the turn */
 	COST_BEGIN = 57,
 	COST_START_PAUSE = 45,
 	COST_REFUSE = 28,
 	COST_READY = -4,
 	COST_LEAVE_CHATTER = 4,
-	COST_LEAVE_CHATTER_8I20 = 10,
+	COST_LEAVE_CHATTER_8I20 = 6,
 	COST_PROCESS_FAULT = 15,
 	COST_CHECK_STATUS = 42,
 	COST_CHECK_8I20 = 69,
@@ -61,7 +63,7 @@ enum sslbp_cost {
 	COST_CHECK_7I64 = 58,
 	COST_CHECK_FAULT = 44,
 	COST_CHECK_ENABLED = 38,
-	COST_ANSWER_USED = 40, /* of an answer whose CRC is right */
+	COST_ANSWER_USED = 15, /* of an answer whose CRC is right */
 	COST_INIT_FIRST_REGISTER = 45,
 	COST_INIT_REGISTERS = 10,
 	COST_AFTER_START = 60,
