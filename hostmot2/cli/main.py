@@ -35,6 +35,7 @@ COMMANDS: dict[str, str] = {
     "rpd": "hostmot2.cli.serial_remote:rpd",
     "wpd": "hostmot2.cli.serial_remote:wpd",
     "emulate-remote": "hostmot2.cli.emulate_remote:emulate_remote",
+    "wiring": "hostmot2.cli.wiring:wiring",
 }
 """Name -> module:command. A module is imported when its command is used, so that `hm2 info` is quick."""
 
