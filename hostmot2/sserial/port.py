@@ -119,6 +119,9 @@ class SserialPort(PortMemory):
         A channel that does not start does not keep others from it: see the result's `failed` and its text
         for why, or `raise_for_failed()`.
 
+        Blocks until the firmware is done, and running channels get no transfer meanwhile: 1 ms where a remote
+        is, 17 ms where none answers, 0.3 s for a remote that stays busy.
+
         Raises PortRunning for setup while channels run, CommandHung if the firmware had to be stopped,
         ValueError for a mask outside 0..0xFF, TransportError.
         """
