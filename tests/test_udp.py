@@ -203,7 +203,7 @@ def test_a_late_reply_is_not_taken_for_a_fresh_one(card, words):
         words.exchange(read(0), timeout_ms=CYCLE)
     card.engine.process(bytes.fromhex("81c20000") + struct.pack("<I", 22))
     assert words.exchange(read(0)) == [[22]]
-    assert words.link.counters.discarded == 1
+    assert words.link.counters.discarded >= 1  # more if a slow machine repeated a request
 
 
 def test_a_duplicated_reply_is_discarded(card, words):
