@@ -98,6 +98,7 @@ const struct card_module_type *card_module_type(uint8_t gtag);
 int64_t card_edge_ps(const struct hm2_emulator *card, int64_t clock);
 int64_t card_clock_at(const struct hm2_emulator *card, int64_t ps);
 void card_advance_to(struct hm2_emulator *card, int64_t ps);
+int64_t card_time_ps(struct hm2_emulator *card); /* what the time is; nothing catches up */
 void card_touch(struct hm2_emulator *card); /* an access: a real clock catches up */
 void card_sleep_ns(int64_t ns);
 void card_settle(struct hm2_emulator *card); /* every module up to card->clock */

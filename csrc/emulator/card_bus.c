@@ -30,9 +30,7 @@ static int bus_finish(void *self, int64_t deadline_ns, hm2_error *error)
 
 static int64_t bus_now_ns(void *self)
 {
-	struct hm2_emulator *card = self;
-	card_touch(card);
-	return card->now_ps / 1000;
+	return card_time_ps(self) / 1000;
 }
 
 static void bus_pause_ns(void *self, int64_t ns)

@@ -58,14 +58,20 @@ static int64_t monotonic_ns(void)
 	return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-void card_touch(struct hm2_emulator *card)
+int64_t card_time_ps(struct hm2_emulator *card)
 {
 	if (card->options.clock != HM2_CLOCK_REAL)
-		return;
+		return card->now_ps;
 	int64_t now = monotonic_ns();
 	if (card->real_origin_ns == 0)
 		card->real_origin_ns = now;
 	int64_t ps = (now - card->real_origin_ns) * 1000;
+	return ps > card->now_ps ? ps : card->now_ps;
+}
+
+void card_touch(struct hm2_emulator *card)
+{
+	int64_t ps = card_time_ps(card);
 	if (ps > card->now_ps)
 		card_advance_to(card, ps);
 }

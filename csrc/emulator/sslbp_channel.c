@@ -1,4 +1,5 @@
 /* A channel's turn in the main loop: errors, sending, waiting, and whatever its state asks for. */
+#include "lbp.h"
 #include "sslbp_state.h"
 
 #include <string.h>
@@ -144,7 +145,7 @@ static int time_out(struct hm2_sslbp *s, int channel)
 static int take_answer(struct hm2_sslbp *s, int channel, unsigned size, unsigned crc)
 {
 	struct sslbp_uart *uart = &s->uarts[channel];
-	if (crc && sslbp_crc(uart->rx, size + crc) != 0)
+	if (crc && hm2_lbp_crc8(uart->rx, size + crc) != 0)
 		return 0;
 	memcpy(sslbp_block(s, channel), uart->rx, size);
 	uart->rx_count -= size + crc;

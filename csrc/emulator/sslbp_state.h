@@ -98,7 +98,6 @@ static inline uint8_t sslbp_state(struct hm2_sslbp *s, int channel)
 }
 
 /* sslbp_uart.c */
-uint8_t sslbp_crc(const uint8_t *bytes, size_t length);
 void sslbp_uart_set_rate(struct hm2_sslbp *s, int channel, uint32_t baud);
 void sslbp_uart_flush(struct hm2_sslbp *s, int channel);
 void sslbp_uart_reset(struct hm2_sslbp *s, int channel);

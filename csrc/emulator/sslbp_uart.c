@@ -1,4 +1,5 @@
 /* The UARTs of an SSERIAL instance: 16-byte FIFOs, rates by phase accumulator, bytes with times. */
+#include "lbp.h"
 #include "sslbp_state.h"
 
 #include <string.h>
@@ -7,20 +8,6 @@
 #define BITS_PER_BYTE 10
 #define STOP_BIT_MIDDLE_HALF_BITS 19
 #define BAUD_TOLERANCE 25 /* 1/25: at 4 % the stop bit of an 8N1 byte is still hit */
-
-static const uint8_t crc_table[16] = {0x00, 0x9D, 0x23, 0xBE, 0x46, 0xDB, 0x65, 0xF8,
-                                      0x8C, 0x11, 0xAF, 0x32, 0xCA, 0x57, 0xE9, 0x74};
-
-uint8_t sslbp_crc(const uint8_t *bytes, size_t length)
-{
-	uint8_t crc = 0;
-	for (size_t i = 0; i < length; i++) {
-		crc ^= bytes[i];
-		crc = (uint8_t)(crc >> 4 ^ crc_table[crc & 15]);
-		crc = (uint8_t)(crc >> 4 ^ crc_table[crc & 15]);
-	}
-	return crc;
-}
 
 void sslbp_uart_set_rate(struct hm2_sslbp *s, int channel, uint32_t baud)
 {
@@ -163,7 +150,7 @@ int sslbp_uart_send(struct hm2_sslbp *s, int channel, uint8_t *frame, size_t len
 	struct sslbp_uart *uart = &s->uarts[channel];
 	int64_t waited = uart->tx_emptied > at ? uart->tx_emptied - at : 0;
 	if (!sslbp_block(s, channel)[HM2_SSLBP_CHANNEL_DISABLE_CRC]) {
-		frame[length] = sslbp_crc(frame, length);
+		frame[length] = hm2_lbp_crc8(frame, length);
 		length++;
 	}
 	if (!s->wire) {
