@@ -9,7 +9,7 @@ from collections import deque
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from hostmot2._core import lib
+from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
 from hostmot2.idrom import ModuleDescriptor, PinDescriptor
 from hostmot2.layout import table
@@ -86,7 +86,9 @@ class SserialPort(PortMemory):
             channels=channels,
             registers=7 if module.gtag == Gtag.SSERIAL_B else 3,
         )
-        self._handle, self._error = self._core.handle, self._core.error
+        # for doit, plain pointers: cffi takes those faster than owning ones, which the core holds
+        self._handle = ffi.cast("struct hm2_sserial *", self._core.handle)
+        self._error = ffi.cast("hm2_error *", self._core.error)
         self._channels = tuple(Channel(self, n) for n in range(self._core.channels))
         self._remotes = Remotes(self._core, self._channels)
 
