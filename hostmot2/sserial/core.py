@@ -54,6 +54,7 @@ class Core:
         self.channels = min(channels, CHANNELS)
         self.registers = registers
         self.error = new_error()
+        self._requested = ffi.new("uint32_t *")
         self.revision = ""
         self.clock_hz = 0
         self._block = (0, 0)  # address of channel 0's variables, distance of channels
@@ -120,9 +121,8 @@ class Core:
 
     def cycle(self, mask: int) -> tuple[int, int]:
         """One step of the pipeline: failed channels (and HM2_SSERIAL_NEWS), and whom that speaks of."""
-        requested = ffi.new("uint32_t *")
-        status = self.check(lib.hm2_sserial_cycle(self.handle, mask, requested, self.error))
-        return status, int(requested[0])
+        status = self.check(lib.hm2_sserial_cycle(self.handle, mask, self._requested, self.error))
+        return status, int(self._requested[0])
 
     def join(self, cycle: Cycle, after: Callable[[], None]) -> None:
         """Make the port a part of the board's cycle; `after` is called behind each exchange."""
@@ -137,9 +137,8 @@ class Core:
 
     def cyclic_result(self) -> tuple[int, int]:
         """What the cycle's last exchange brought; as `cycle`."""
-        requested = ffi.new("uint32_t *")
-        status = self.check(lib.hm2_sserial_cyclic_result(self.handle, requested, self.error))
-        return status, int(requested[0])
+        status = self.check(lib.hm2_sserial_cyclic_result(self.handle, self._requested, self.error))
+        return status, int(self._requested[0])
 
     # -- local variables
 
