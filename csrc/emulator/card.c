@@ -16,7 +16,7 @@ struct card_module *card_find(struct hm2_emulator *card, uint8_t gtag)
 
 int card_has(const struct hm2_emulator *card, uint8_t gtag)
 {
-	uint32_t at = card_idrom_field(card, 0x04) / 4;
+	uint32_t at = card_idrom_field(card, HM2_IDROM_MODULE_OFFSET) / 4;
 	for (; at + 3 <= CARD_IDROM_WORDS && (card->idrom[at] & 0xFF) != 0; at += 3)
 		if ((card->idrom[at] & 0xFF) == gtag)
 			return 1;
@@ -41,7 +41,8 @@ static void read_descriptor(const struct hm2_emulator *card, const uint32_t *wor
 	out->instances = (uint8_t)(words[0] >> 24);
 	out->base = (uint16_t)words[1];
 	out->registers = (uint8_t)(words[1] >> 16);
-	out->instance_stride = card_idrom_field(card, (words[1] >> 28) ? 0x34 : 0x30);
+	out->instance_stride = card_idrom_field(
+		card, words[1] >> 28 ? HM2_IDROM_INSTANCE_STRIDE_1 : HM2_IDROM_INSTANCE_STRIDE_0);
 	out->multiple = words[2];
 }
 
@@ -95,8 +96,9 @@ int card_add_part(struct hm2_emulator *card, const struct card_module_type *type
 
 static int add_modules(struct hm2_emulator *card, hm2_error *error)
 {
-	static const uint32_t interrupt[3] = {0x01010001, 0x00020A00, 0};
-	uint32_t offset = card_idrom_field(card, 0x04);
+	/* as a descriptor would name them: one instance at 0x0900 with three registers */
+	static const uint32_t interrupt[3] = {0x01010000 | HM2_GTAG_IRQ, 0x00030900, 0};
+	uint32_t offset = card_idrom_field(card, HM2_IDROM_MODULE_OFFSET);
 	for (uint32_t at = offset / 4; at + 3 <= CARD_IDROM_WORDS; at += 3) {
 		if ((card->idrom[at] & 0xFF) == 0)
 			break;
@@ -104,9 +106,9 @@ static int add_modules(struct hm2_emulator *card, hm2_error *error)
 		if (status != HM2_OK)
 			return fail(error, status, 0x400 + 4 * at, "emulated module");
 	}
-	if (card->options.interrupt && card_find(card, GTAG_IRQ) == NULL && add_module(card, interrupt) != HM2_OK)
+	if (card->options.interrupt && card_find(card, HM2_GTAG_IRQ) == NULL && add_module(card, interrupt) != HM2_OK)
 		return fail(error, HM2_ERR_NO_MEMORY, interrupt[1] & 0xFFFF, "emulated module");
-	struct card_module *ioport = card_find(card, GTAG_IOPORT);
+	struct card_module *ioport = card_find(card, HM2_GTAG_IOPORT);
 	if (ioport == NULL)
 		return fail(error, HM2_ERR_FORMAT, 0x400 + offset, "no ioport module");
 	card->ioport = ioport->self;
@@ -224,7 +226,7 @@ int hm2_emulator_write(hm2_emulator *card, uint32_t address, const uint32_t *wor
 
 int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm2_remote *remote, int through_pins)
 {
-	struct card_module *module = card_find(card, GTAG_SSERIAL);
+	struct card_module *module = card_find(card, HM2_GTAG_SSERIAL);
 	if (module == NULL)
 		return HM2_ERR_RANGE;
 	hm2_emulator_sync(card);
@@ -242,14 +244,14 @@ size_t hm2_emulator_line_records(hm2_emulator *card, int instance, hm2_line_reco
 int hm2_emulator_sserial_channels(const hm2_emulator *card, int instance)
 {
 	for (int i = 0; i < card->module_count; i++)
-		if (card->modules[i].descriptor.gtag == GTAG_SSERIAL)
+		if (card->modules[i].descriptor.gtag == HM2_GTAG_SSERIAL)
 			return sserial_channels(&card->modules[i], instance);
 	return 0;
 }
 
 int hm2_emulator_interrupt(hm2_emulator *card)
 {
-	struct card_module *module = card_find(card, GTAG_IRQ);
+	struct card_module *module = card_find(card, HM2_GTAG_IRQ);
 	hm2_emulator_sync(card);
 	return module != NULL && irq_asserted(module);
 }

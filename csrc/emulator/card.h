@@ -4,6 +4,7 @@
 #define HM2_EMULATOR_CARD_H
 
 #include "hm2.h"
+#include "registers.h"
 #include "wave.h"
 
 #define CARD_NEVER INT64_MAX

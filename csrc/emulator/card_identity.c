@@ -4,12 +4,7 @@
 
 #include "card_modules.h"
 
-#define COOKIE 0x55AACAFEu
-#define NAME_LOW 0x54534F48u  /* HOST */
-#define NAME_HIGH 0x32544F4Du /* MOT2 */
 #define IDROM_OFFSET 0x400u
-#define MODULE_END 0u
-#define PRIMARY_IOPORT 3u
 
 uint32_t card_idrom_field(const struct hm2_emulator *card, uint32_t offset)
 {
@@ -29,14 +24,14 @@ static int bad(hm2_error *error, uint32_t offset, uint32_t expected, uint32_t re
 
 static int load_pins(struct hm2_emulator *card, hm2_error *error)
 {
-	uint32_t offset = card_idrom_field(card, 0x08);
-	uint32_t width = card_idrom_field(card, 0x20);
-	if (width > CARD_MAX_PINS || offset % 4 != 0 || offset + 4 * width > 4 * CARD_IDROM_WORDS)
-		return bad(error, 0x20, CARD_MAX_PINS, width);
+	uint32_t offset = card_idrom_field(card, HM2_IDROM_PIN_OFFSET);
+	uint32_t width = card_idrom_field(card, HM2_IDROM_IO_WIDTH);
+	if (width > CARD_MAX_PINS || offset % 4 != 0 || offset > 4 * (CARD_IDROM_WORDS - width))
+		return bad(error, HM2_IDROM_IO_WIDTH, CARD_MAX_PINS, width);
 	for (uint32_t i = 0; i < width; i++) {
 		uint32_t word = card->idrom[offset / 4 + i];
-		if (word >> 24 != PRIMARY_IOPORT)
-			return bad(error, offset + 4 * i, PRIMARY_IOPORT, word >> 24);
+		if (word >> 24 != HM2_GTAG_IOPORT)
+			return bad(error, offset + 4 * i, HM2_GTAG_IOPORT, word >> 24);
 		card->pins[i].number = (uint8_t)word;
 		card->pins[i].tag = (uint8_t)(word >> 8);
 		card->pins[i].unit = (uint8_t)(word >> 16);
@@ -50,18 +45,18 @@ int card_identity_load(struct hm2_emulator *card, const uint32_t *idrom, size_t 
 	if (words < 16 || words > CARD_IDROM_WORDS)
 		return bad(error, 0, CARD_IDROM_WORDS, (uint32_t)words);
 	memcpy(card->idrom, idrom, words * sizeof *idrom);
-	uint32_t low = card_idrom_field(card, 0x28);
-	uint32_t high = card_idrom_field(card, 0x2C);
-	uint32_t ports = card_idrom_field(card, 0x1C);
-	uint32_t width = card_idrom_field(card, 0x24);
+	uint32_t low = card_idrom_field(card, HM2_IDROM_CLOCK_LOW);
+	uint32_t high = card_idrom_field(card, HM2_IDROM_CLOCK_HIGH);
+	uint32_t ports = card_idrom_field(card, HM2_IDROM_IO_PORTS);
+	uint32_t width = card_idrom_field(card, HM2_IDROM_PORT_WIDTH);
 	if (low < 1000000)
-		return bad(error, 0x28, 1000000, low);
+		return bad(error, HM2_IDROM_CLOCK_LOW, 1000000, low);
 	if (high < 1000000)
-		return bad(error, 0x2C, 1000000, high);
+		return bad(error, HM2_IDROM_CLOCK_HIGH, 1000000, high);
 	if (ports < 1 || ports > CARD_MAX_PORTS)
-		return bad(error, 0x1C, CARD_MAX_PORTS, ports);
-	if (width < 1 || width > 32 || card_idrom_field(card, 0x20) != ports * width)
-		return bad(error, 0x24, ports * width, card_idrom_field(card, 0x20));
+		return bad(error, HM2_IDROM_IO_PORTS, CARD_MAX_PORTS, ports);
+	if (width < 1 || width > 32 || card_idrom_field(card, HM2_IDROM_IO_WIDTH) != ports * width)
+		return bad(error, HM2_IDROM_PORT_WIDTH, ports * width, card_idrom_field(card, HM2_IDROM_IO_WIDTH));
 	card->ports = (int)ports;
 	card->port_width = (int)width;
 	card->period_ps = (int64_t)((1000000000000u + low / 2) / low);
@@ -71,7 +66,8 @@ int card_identity_load(struct hm2_emulator *card, const uint32_t *idrom, size_t 
 
 static uint32_t id_word(uint32_t address)
 {
-	static const uint32_t block[4] = {COOKIE, NAME_LOW, NAME_HIGH, IDROM_OFFSET};
+	static const uint32_t block[4] = {HM2_ID_WORD_COOKIE, HM2_ID_WORD_CONFIG_NAME_LOW,
+	                                 HM2_ID_WORD_CONFIG_NAME_HIGH, IDROM_OFFSET};
 	return block[(address >> 2) & 3];
 }
 

@@ -4,18 +4,6 @@
 
 #include "card.h"
 
-#define GTAG_IRQ 0x01
-#define GTAG_WATCHDOG 0x02
-#define GTAG_IOPORT 0x03
-#define GTAG_ENCODER 0x04
-#define GTAG_STEPGEN 0x05
-#define GTAG_PWMGEN 0x06
-#define GTAG_MUXED_ENCODER 0x0C
-#define GTAG_MUXED_SELECT 0x0D
-#define GTAG_DPLL 0x1A
-#define GTAG_SSERIAL 0xC1
-#define GTAG_SSERIAL_B 0xC6
-
 extern const struct card_module_type irq_type;
 extern const struct card_module_type watchdog_type;
 extern const struct card_module_type ioport_type;
@@ -25,6 +13,8 @@ extern const struct card_module_type muxed_select_type;
 extern const struct card_module_type stepgen_type;
 extern const struct card_module_type pwmgen_type;
 extern const struct card_module_type dpll_type;
+extern const struct card_module_type ssr_type;
+extern const struct card_module_type outm_type;
 extern const struct card_module_type sserial_type;
 
 /* ioport.c */

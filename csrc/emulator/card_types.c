@@ -11,6 +11,8 @@ static const struct card_module_type *const types[] = {
 	&stepgen_type,
 	&pwmgen_type,
 	&dpll_type,
+	&ssr_type,
+	&outm_type,
 	&sserial_type,
 };
 

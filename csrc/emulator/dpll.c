@@ -13,13 +13,9 @@
 
 #include "card_modules.h"
 
-enum { BASE_RATE, PHASE, CONTROL0, CONTROL1, TIMER12, TIMER34, SYNC };
-
 #define BITS 42
 #define WHOLE (INT64_C(1) << BITS)
 #define SIZE_FIELD 42u
-#define SYNC_PIN 0x01
-#define REFERENCE_PIN 0x82
 #define FILTER_TOP 15
 #define PHASE_SHIFT (BITS - 32)
 
@@ -232,7 +228,7 @@ static void *dpll_create(struct hm2_emulator *card, const struct card_descriptor
 	memset(d->fall, 0xFF, sizeof d->fall);
 	d->sync_pin = -1;
 	for (int i = 0; i < card->pin_count; i++)
-		if (card->pins[i].tag == GTAG_DPLL && card->pins[i].number == SYNC_PIN)
+		if (card->pins[i].tag == HM2_GTAG_DPLL && card->pins[i].number == HM2_DPLL_PIN_SYNC)
 			d->sync_pin = i;
 	return d;
 }
@@ -247,22 +243,23 @@ static uint32_t dpll_read(void *self, int reg, uint32_t offset, uint32_t *value)
 	struct dpll *d = self;
 	(void)offset;
 	switch (reg) {
-	case BASE_RATE:
+	case HM2_DPLL_BASE_RATE:
 		*value = d->base_rate;
 		break;
-	case CONTROL0:
-		*value = d->prescale << 24 | ((uint32_t)d->correction & 0xFFFFFF);
+	case HM2_DPLL_CONTROL0:
+		*value = d->prescale << HM2_DPLL_CONTROL0_PRESCALE_LSB |
+		         ((uint32_t)d->correction & HM2_DPLL_CONTROL0_CORRECTION_MASK);
 		break;
-	case CONTROL1:
-		*value = d->filter_prescale << 16 | SIZE_FIELD;
+	case HM2_DPLL_CONTROL1:
+		*value = d->filter_prescale << HM2_DPLL_CONTROL1_FILTER_PRESCALE_LSB | SIZE_FIELD;
 		break;
-	case TIMER12:
-	case TIMER34:
-		*value = d->timer[2 * (reg - TIMER12)] | (uint32_t)d->timer[2 * (reg - TIMER12) + 1] << 16;
+	case HM2_DPLL_TIMER_12:
+	case HM2_DPLL_TIMER_34:
+		*value = d->timer[2 * (reg - HM2_DPLL_TIMER_12)] | (uint32_t)d->timer[2 * (reg - HM2_DPLL_TIMER_12) + 1] << 16;
 		break;
 	default:
 		*value = top32(d);
-		d->sync_strobe |= reg == SYNC; /* sampled with the edge that ends the read */
+		d->sync_strobe |= reg == HM2_DPLL_SYNC; /* sampled with the edge that ends the read */
 		break;
 	}
 	return CARD_ALL_DRIVEN;
@@ -271,7 +268,7 @@ static uint32_t dpll_read(void *self, int reg, uint32_t offset, uint32_t *value)
 static void write_control0(struct dpll *d, uint32_t value)
 {
 	d->limit = signed24(value);
-	d->prescale = value >> 24;
+	d->prescale = value >> HM2_DPLL_CONTROL0_PRESCALE_LSB;
 	d->integrator = 0;
 	d->phase_error = 0;
 	d->sync_strobe = 0;
@@ -282,22 +279,22 @@ static int dpll_write(void *self, int reg, uint32_t offset, uint32_t value)
 	struct dpll *d = self;
 	(void)offset;
 	switch (reg) {
-	case BASE_RATE:
+	case HM2_DPLL_BASE_RATE:
 		d->base_rate = value;
 		break;
-	case PHASE:
+	case HM2_DPLL_PHASE:
 		d->accumulator = (int64_t)value << PHASE_SHIFT | (d->accumulator & ((1 << PHASE_SHIFT) - 1));
 		break;
-	case CONTROL0:
+	case HM2_DPLL_CONTROL0:
 		write_control0(d, value);
 		break;
-	case CONTROL1:
-		d->filter_prescale = value >> 16;
+	case HM2_DPLL_CONTROL1:
+		d->filter_prescale = value >> HM2_DPLL_CONTROL1_FILTER_PRESCALE_LSB;
 		break;
-	case TIMER12:
-	case TIMER34:
-		d->timer[2 * (reg - TIMER12)] = (uint16_t)value;
-		d->timer[2 * (reg - TIMER12) + 1] = (uint16_t)(value >> 16);
+	case HM2_DPLL_TIMER_12:
+	case HM2_DPLL_TIMER_34:
+		d->timer[2 * (reg - HM2_DPLL_TIMER_12)] = (uint16_t)value;
+		d->timer[2 * (reg - HM2_DPLL_TIMER_12) + 1] = (uint16_t)(value >> 16);
 		break;
 	default: /* the write's own edge samples what stood before it */
 		d->phase_error = (uint32_t)(d->before >> PHASE_SHIFT);
@@ -327,14 +324,14 @@ int dpll_level(const struct dpll *d, int timer)
 
 static int dpll_output(void *self, int unit, int number)
 {
-	int timer = number - REFERENCE_PIN;
+	int timer = number - (int)HM2_DPLL_PIN_REFERENCE;
 	(void)unit;
 	return timer >= 0 && timer <= DPLL_TIMERS ? dpll_level(self, timer) : 0;
 }
 
 struct dpll *dpll_of(struct hm2_emulator *card)
 {
-	const struct card_module *module = card_find(card, GTAG_DPLL);
+	const struct card_module *module = card_find(card, HM2_GTAG_DPLL);
 	return module == NULL ? NULL : module->self;
 }
 
@@ -348,7 +345,7 @@ int64_t dpll_last_event(struct hm2_emulator *card, int timer, int64_t clock)
 }
 
 const struct card_module_type dpll_type = {
-	.gtag = GTAG_DPLL,
+	.gtag = HM2_GTAG_DPLL,
 	.create = dpll_create,
 	.destroy = dpll_destroy,
 	.read = dpll_read,

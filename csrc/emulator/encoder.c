@@ -43,7 +43,8 @@ static uint8_t feed_at(void *self, int index, int64_t n)
 
 static void set_rate(struct encoder_bank *bank, uint32_t value)
 {
-	divider_reload(&bank->filter, bank->card->clock, encoder_bank_period(value & 0xFFF, RATE_BITS));
+	uint32_t reload = value & HM2_ENCODER_FILTER_RATE_DIVIDER_MASK;
+	divider_reload(&bank->filter, bank->card->clock, encoder_bank_period(reload, RATE_BITS));
 }
 
 static void encoder_destroy(void *self)
@@ -105,7 +106,7 @@ static int encoder_write(void *self, int reg, uint32_t offset, uint32_t value)
 }
 
 const struct card_module_type encoder_type = {
-	.gtag = GTAG_ENCODER,
+	.gtag = HM2_GTAG_ENCODER,
 	.create = encoder_create,
 	.destroy = encoder_destroy,
 	.read = encoder_read,

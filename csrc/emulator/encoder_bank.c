@@ -3,16 +3,13 @@
 
 #include <stdlib.h>
 
-enum { COUNT, CONTROL, TIMESTAMP_DIVIDER, TIMESTAMP, FILTER_RATE, TIMER_SELECT };
-
-#define INDEX_MASK_PIN 4
-#define PROBE_PIN 5
+/* Both modules have the same registers and pins, so the plain one's names serve. */
 #define HALFWORD 0xFFFFu
 #define RATE_BITS 12
 #define TIMESTAMP_BITS 16
 #define PROBE_VERSION 0x80
 #define FIRST_TICK 2 /* a divider starts at 0: one clock to pass it, one to be seen */
-#define TIMER_SELECT_MASK 0xF000u
+#define TIMER_SELECT_MASK (HM2_ENCODER_TIMER_SELECT_ENABLE_MASK | HM2_ENCODER_TIMER_SELECT_TIMER_MASK)
 
 /* Clocks between ticks: reload + 2, or 1 when its top bit is set. */
 int64_t encoder_bank_period(uint32_t reload, int bits)
@@ -30,9 +27,9 @@ static void find_shared_pins(struct encoder_bank *bank)
 		const struct card_pin *pin = &bank->card->pins[i];
 		if (pin->tag != bank->gtag)
 			continue;
-		if (pin->number == PROBE_PIN)
+		if (pin->number == HM2_ENCODER_PIN_PROBE)
 			bank->probe_pin = i;
-		if (pin->number == INDEX_MASK_PIN && pin->unit < bank->count)
+		if (pin->number == HM2_ENCODER_PIN_INDEX_MASK && pin->unit < bank->count)
 			bank->mask_pins[pin->unit] = i;
 	}
 }
@@ -40,12 +37,12 @@ static void find_shared_pins(struct encoder_bank *bank)
 int encoder_bank_init(struct encoder_bank *bank, struct hm2_emulator *card,
                       const struct card_descriptor *descriptor, int64_t tick_hz)
 {
-	uint32_t clock_hz = card_idrom_field(card, 0x28);
+	uint32_t clock_hz = card_idrom_field(card, HM2_IDROM_CLOCK_LOW);
 	uint32_t reload = (uint32_t)((clock_hz + tick_hz / 2) / tick_hz) - 2;
 	bank->card = card;
 	bank->gtag = descriptor->gtag;
 	bank->count = descriptor->instances;
-	bank->timers = card_has(card, GTAG_DPLL);
+	bank->timers = card_has(card, HM2_GTAG_DPLL);
 	bank->counters = calloc((size_t)bank->count, sizeof *bank->counters);
 	bank->mask_pins = calloc((size_t)bank->count, sizeof *bank->mask_pins);
 	bank->latches = calloc((size_t)bank->count, sizeof *bank->latches);
@@ -111,17 +108,17 @@ uint32_t encoder_bank_read(struct encoder_bank *bank, int reg, uint32_t offset, 
 {
 	int index = (int)(offset >> 2);
 	switch (reg) {
-	case COUNT:
+	case HM2_ENCODER_COUNT:
 		return read_count(bank, index, value);
-	case CONTROL:
+	case HM2_ENCODER_CONTROL:
 		return index < bank->count ? counter_control(&bank->counters[index], value) : 0;
-	case TIMESTAMP_DIVIDER:
+	case HM2_ENCODER_TIMESTAMP_DIVIDER:
 		*value = bank->timestamp_reload;
 		return HALFWORD;
-	case TIMESTAMP:
+	case HM2_ENCODER_TIMESTAMP_COUNT:
 		*value = (uint32_t)divider_count(&bank->timestamp, bank->card->clock) & HALFWORD;
 		return HALFWORD;
-	case TIMER_SELECT:
+	case HM2_ENCODER_TIMER_SELECT:
 		*value = bank->timer_select;
 		return bank->timers ? CARD_ALL_DRIVEN : 0;
 	default:
@@ -139,7 +136,7 @@ static int write_counter(struct encoder_bank *bank, int reg, int index, uint32_t
 {
 	if (index >= bank->count)
 		return 0;
-	if (reg == COUNT)
+	if (reg == HM2_ENCODER_COUNT)
 		counter_clear(&bank->counters[index]);
 	else
 		counter_set_control(&bank->counters[index], value);
@@ -158,21 +155,21 @@ static int write_timer_select(struct encoder_bank *bank, uint32_t value)
 int encoder_bank_write(struct encoder_bank *bank, int reg, uint32_t offset, uint32_t value)
 {
 	switch (reg) {
-	case COUNT:
-	case CONTROL:
+	case HM2_ENCODER_COUNT:
+	case HM2_ENCODER_CONTROL:
 		return write_counter(bank, reg, (int)(offset >> 2), value);
-	case TIMESTAMP_DIVIDER:
+	case HM2_ENCODER_TIMESTAMP_DIVIDER:
 		bank->timestamp_reload = (uint16_t)value;
 		divider_reload(&bank->timestamp, bank->card->clock,
 		               encoder_bank_period(value & HALFWORD, TIMESTAMP_BITS));
 		return 1;
-	case TIMESTAMP:
+	case HM2_ENCODER_TIMESTAMP_COUNT:
 		return 1; /* decoded, without effect */
-	case FILTER_RATE:
+	case HM2_ENCODER_FILTER_RATE:
 		bank->set_rate(bank, value);
 		encoder_bank_forget(bank);
 		return 1;
-	case TIMER_SELECT:
+	case HM2_ENCODER_TIMER_SELECT:
 		return write_timer_select(bank, value);
 	default:
 		return 0;

@@ -4,8 +4,6 @@
 
 #include "card_modules.h"
 
-enum { DATA, DDR, ALTERNATE, OPEN_DRAIN, INVERT };
-
 static void *ioport_create(struct hm2_emulator *card, const struct card_descriptor *descriptor)
 {
 	(void)descriptor;
@@ -137,9 +135,9 @@ static uint32_t ioport_read(void *self, int reg, uint32_t offset, uint32_t *valu
 {
 	struct ioport *port = self;
 	int p = port_index(port, offset);
-	if (p < 0 || reg > DDR)
+	if (p < 0 || reg > HM2_IOPORT_DDR)
 		return 0;
-	*value = reg == DATA ? read_pads(port, p) : port->ddr[p];
+	*value = reg == HM2_IOPORT_DATA ? read_pads(port, p) : port->ddr[p];
 	return CARD_ALL_DRIVEN;
 }
 
@@ -148,10 +146,10 @@ static int ioport_write(void *self, int reg, uint32_t offset, uint32_t value)
 	struct ioport *port = self;
 	uint32_t *const registers[] = {port->latch, port->ddr, port->alternate, port->open_drain, port->invert};
 	int p = port_index(port, offset);
-	if (p < 0 || reg > INVERT)
+	if (p < 0 || reg > HM2_IOPORT_OUTPUT_INVERT)
 		return 0;
 	/* The clear of a bite wins over a write in the same clock. */
-	if ((reg == DDR || reg == OPEN_DRAIN) && port->released == port->card->clock)
+	if ((reg == HM2_IOPORT_DDR || reg == HM2_IOPORT_OPEN_DRAIN) && port->released == port->card->clock)
 		return 1;
 	registers[reg][p] = value & port->mask;
 	card_pins_changed(port->card);
@@ -159,7 +157,7 @@ static int ioport_write(void *self, int reg, uint32_t offset, uint32_t value)
 }
 
 const struct card_module_type ioport_type = {
-	.gtag = GTAG_IOPORT,
+	.gtag = HM2_GTAG_IOPORT,
 	.create = ioport_create,
 	.destroy = ioport_destroy,
 	.read = ioport_read,

@@ -8,12 +8,10 @@
 #include "card_modules.h"
 #include "dpll.h"
 
-enum { STATUS, CLEAR };
-
-#define FLAG 1u
-#define MASK 2u
-#define SOURCE_LSB 2
-#define STORED 0x1Fu
+#define FLAG HM2_IRQ_STATUS_FLAG_MASK
+#define MASK HM2_IRQ_STATUS_MASK_BIT_MASK
+#define SOURCE_LSB HM2_IRQ_STATUS_SOURCE_SELECT_LSB
+#define STORED (FLAG | MASK | HM2_IRQ_STATUS_SOURCE_SELECT_MASK)
 #define DELAY 2
 
 struct irq {
@@ -77,7 +75,7 @@ static uint32_t irq_read(void *self, int reg, uint32_t offset, uint32_t *value)
 {
 	const struct irq *irq = self;
 	(void)offset;
-	if (reg != STATUS)
+	if (reg != HM2_IRQ_STATUS)
 		return 0;
 	*value = irq->status;
 	return CARD_ALL_DRIVEN;
@@ -111,10 +109,12 @@ static int irq_write(void *self, int reg, uint32_t offset, uint32_t value)
 {
 	struct irq *irq = self;
 	(void)offset;
-	if (reg == CLEAR)
+	if (reg == HM2_IRQ_CLEAR)
 		irq->status &= ~FLAG;
-	else
+	else if (reg == HM2_IRQ_STATUS)
 		write_status(irq, value);
+	else
+		return 0; /* the divider belongs to another variant */
 	return 1;
 }
 
@@ -125,7 +125,7 @@ int irq_asserted(const struct card_module *module)
 }
 
 const struct card_module_type irq_type = {
-	.gtag = GTAG_IRQ,
+	.gtag = HM2_GTAG_IRQ,
 	.create = irq_create,
 	.destroy = irq_destroy,
 	.read = irq_read,

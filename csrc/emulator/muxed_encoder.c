@@ -14,8 +14,6 @@
 #define SPANS 8
 #define PIN_DELAY 2
 #define MAX_DESKEW 15
-#define SELECT0 0x81
-#define SELECT1 0x82
 
 enum select_mode { SELECT_LOW, SELECT_HIGH, SELECT_FOLLOWS, SELECT_INVERTED, SELECT_NONE };
 
@@ -147,14 +145,15 @@ static void set_rate(struct encoder_bank *bank, uint32_t value)
 {
 	struct muxed_encoder *m = (struct muxed_encoder *)bank;
 	int64_t now = bank->card->clock;
-	divider_reload(&bank->filter, now, encoder_bank_period(value & 0xFFF, RATE_BITS));
+	uint32_t reload = value & HM2_MUXED_ENCODER_FILTER_RATE_DIVIDER_MASK;
+	divider_reload(&bank->filter, now, encoder_bank_period(reload, RATE_BITS));
 	if (m->spans[0].from < now)
 		for (int i = SPANS - 1; i > 0; i--)
 			m->spans[i] = m->spans[i - 1];
 	m->spans[0].from = now;
 	m->spans[0].divider = bank->filter;
 	m->old_deskew = m->deskew;
-	m->deskew = (int)(value >> 28);
+	m->deskew = (int)(value >> HM2_MUXED_ENCODER_FILTER_RATE_DESKEW_LSB);
 	m->deskew_since = now;
 	unsteady(m);
 }
@@ -162,7 +161,7 @@ static void set_rate(struct encoder_bank *bank, uint32_t value)
 static int find_select(const struct hm2_emulator *card, const struct encoder_pins *pins)
 {
 	for (int i = 0; i < card->pin_count; i++)
-		if (card->pins[i].tag == GTAG_MUXED_SELECT && card->pins[i].number == SELECT0 &&
+		if (card->pins[i].tag == HM2_GTAG_MUXED_ENCODER_SELECT && card->pins[i].number == HM2_MUXED_ENCODER_SELECT_PIN_SELECT_0 &&
 		    i / card->port_width == pins->line[0] / card->port_width)
 			return i;
 	return -1;
@@ -256,7 +255,7 @@ static int muxed_write(void *self, int reg, uint32_t offset, uint32_t value)
 }
 
 const struct card_module_type muxed_encoder_type = {
-	.gtag = GTAG_MUXED_ENCODER,
+	.gtag = HM2_GTAG_MUXED_ENCODER,
 	.create = muxed_create,
 	.destroy = muxed_destroy,
 	.read = muxed_read,
@@ -301,16 +300,16 @@ static int select_write(void *self, int reg, uint32_t offset, uint32_t value)
 static int select_output(void *self, int unit, int number)
 {
 	struct hm2_emulator *card = self;
-	const struct card_module *module = card_find(card, GTAG_MUXED_ENCODER);
+	const struct card_module *module = card_find(card, HM2_GTAG_MUXED_ENCODER);
 	(void)unit;
 	if (module == NULL)
 		return 0;
 	int64_t count = select_count(module->self, card->clock - PIN_DELAY);
-	return (int)(number == SELECT1 ? count >> 1 : count) & 1;
+	return (int)(number == HM2_MUXED_ENCODER_SELECT_PIN_SELECT_1 ? count >> 1 : count) & 1;
 }
 
 const struct card_module_type muxed_select_type = {
-	.gtag = GTAG_MUXED_SELECT,
+	.gtag = HM2_GTAG_MUXED_ENCODER_SELECT,
 	.create = select_create,
 	.destroy = select_destroy,
 	.read = select_read,

@@ -10,19 +10,12 @@
 
 #include "card_modules.h"
 
-enum { VALUE, MODE, PWM_RATE, PDM_RATE, ENABLE };
-
-#define WIDTH_MASK 3u
-#define SYMMETRIC 4u
-#define OUTPUT_LSB 3
-#define DOUBLE_BUFFER 0x20u
+#define SYMMETRIC HM2_PWMGEN_MODE_SYMMETRIC_MASK
+#define DOUBLE_BUFFER HM2_PWMGEN_MODE_DOUBLE_BUFFER_MASK
 #define MODE_BITS 0x3Fu
 #define NARROWEST 9
 #define VALUE_BITS 12
 #define CROSSING 2 /* edges behind the first that sees the request */
-#define ENABLE_PIN 0x83
-
-enum { PWM_AND_DIRECTION, DIRECTION_AND_PWM, UP_DOWN, PDM_AND_DIRECTION };
 
 /* Carries of a 16-bit accumulator, exact through changes of its rate. */
 struct rate {
@@ -104,7 +97,7 @@ static uint32_t mode_at(const struct generator *unit, int64_t h)
 
 static int width(uint32_t mode)
 {
-	return NARROWEST + (int)(mode & WIDTH_MASK);
+	return NARROWEST + (int)(mode & HM2_PWMGEN_MODE_WIDTH_SELECT_MASK);
 }
 
 /* The bit of the reference that splits it into cycles. */
@@ -274,7 +267,7 @@ static void *pwmgen_create(struct hm2_emulator *card, const struct card_descript
 		unit->value_request = unit->value_due = unit->mode_due = CARD_NEVER;
 	}
 	for (int i = 0; i < card->pin_count; i++)
-		if (card->pins[i].tag == GTAG_PWMGEN && card->pins[i].number == ENABLE_PIN)
+		if (card->pins[i].tag == HM2_GTAG_PWMGEN && card->pins[i].number == HM2_PWMGEN_PIN_NOT_ENABLE)
 			pwm->has_enable_pins = 1;
 	return pwm;
 }
@@ -288,7 +281,7 @@ static uint32_t pwmgen_read(void *self, int reg, uint32_t offset, uint32_t *valu
 {
 	const struct pwmgen *pwm = self;
 	(void)offset;
-	if (reg != ENABLE || !pwm->has_enable_pins)
+	if (reg != HM2_PWMGEN_ENABLE || !pwm->has_enable_pins)
 		return 0;
 	*value = pwm->enable;
 	return CARD_ALL_DRIVEN;
@@ -312,7 +305,7 @@ static int write_unit(struct pwmgen *pwm, int reg, int index, uint32_t value)
 	if (index >= pwm->count)
 		return 0;
 	struct generator *unit = &pwm->units[index];
-	if (reg == VALUE) {
+	if (reg == HM2_PWMGEN_VALUE) {
 		unit->written_value = value;
 		if (unit->value_request == CARD_NEVER)
 			unit->value_request = request_edge(pwm);
@@ -329,13 +322,13 @@ static int pwmgen_write(void *self, int reg, uint32_t offset, uint32_t value)
 {
 	struct pwmgen *pwm = self;
 	switch (reg) {
-	case PWM_RATE:
+	case HM2_PWMGEN_PWM_RATE:
 		write_rate(pwm, &pwm->reference, value);
 		return 1;
-	case PDM_RATE:
+	case HM2_PWMGEN_PDM_RATE:
 		write_rate(pwm, &pwm->slots, value);
 		return 1;
-	case ENABLE:
+	case HM2_PWMGEN_ENABLE:
 		pwm->enable = pwm->count >= 32 ? value : value & ((UINT32_C(1) << pwm->count) - 1);
 		return 1;
 	default:
@@ -352,18 +345,19 @@ static int pwmgen_output(void *self, int u, int number)
 	int64_t h = edge_at(pwm, pwm->card->now_ps);
 	advance_to(pwm, h);
 	add_density(pwm, unit, h);
-	if (number == ENABLE_PIN)
+	if (number == HM2_PWMGEN_PIN_NOT_ENABLE)
 		return !((pwm->enable >> u) & 1);
-	int first = number == 0x81;
-	int output = (int)(unit->mode >> OUTPUT_LSB) & 3;
-	int pulse = output == PDM_AND_DIRECTION ? (int)(unit->density >> VALUE_BITS) & 1 : pwm_level(pwm, unit, h);
-	if (output == UP_DOWN)
+	int first = number == HM2_PWMGEN_PIN_A;
+	int output = (int)(unit->mode >> HM2_PWMGEN_MODE_OUTPUT_LSB) & 3;
+	int pulse = output == HM2_PWMGEN_OUTPUT_PDM_DIRECTION ? (int)(unit->density >> VALUE_BITS) & 1
+	                                                      : pwm_level(pwm, unit, h);
+	if (output == HM2_PWMGEN_OUTPUT_UP_DOWN)
 		return first == unit->down && pulse;
-	return first == (output != DIRECTION_AND_PWM) ? pulse : unit->down;
+	return first == (output != HM2_PWMGEN_OUTPUT_DIRECTION_PWM) ? pulse : unit->down;
 }
 
 const struct card_module_type pwmgen_type = {
-	.gtag = GTAG_PWMGEN,
+	.gtag = HM2_GTAG_PWMGEN,
 	.create = pwmgen_create,
 	.destroy = pwmgen_destroy,
 	.read = pwmgen_read,

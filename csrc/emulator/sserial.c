@@ -6,7 +6,6 @@
 
 #define MAX_INSTANCES 4
 #define MAX_CHANNELS 8
-#define FIRST_CHANNEL_REGISTER 2
 #define NO_PIN (-1)
 
 struct line {
@@ -112,7 +111,7 @@ static struct instance *decode(struct sserial *sserial, int reg, uint32_t offset
 		return NULL;
 	struct instance *instance = &sserial->instances[unit];
 	*channel = 0;
-	if (reg >= FIRST_CHANNEL_REGISTER)
+	if (reg >= HM2_SSERIAL_CS)
 		*channel = (int)(offset >> 2) & 15 & (instance->slots - 1);
 	return *channel < instance->channels ? instance : NULL;
 }
@@ -188,7 +187,7 @@ size_t sserial_line_records(const struct card_module *module, int instance, hm2_
 }
 
 const struct card_module_type sserial_type = {
-	.gtag = GTAG_SSERIAL,
+	.gtag = HM2_GTAG_SSERIAL,
 	.create = sserial_create,
 	.destroy = sserial_destroy,
 	.read = sserial_read,

@@ -6,22 +6,14 @@
 #include "card_modules.h"
 #include "stepper.h"
 
-enum {
-	RATE, ACCUMULATOR, MODE, SETUP_TIME, HOLD_TIME, PULSE_TIME, IDLE_TIME, TABLE_DATA, TABLE_LENGTH,
-	MASTER_RATE, TIMER_SELECT
-};
 
-#define TIME_MASK 0x3FFFu
+#define TIME_MASK HM2_STEPGEN_PULSE_LENGTH_PERIODS_MASK
 #define VERSION_SWAP 0x42
 #define VERSION_LATCH 0xC2
-#define INDEX_PIN_OLD 0x01
-#define PROBE_PIN_OLD 0x02
-#define INDEX_PIN 0x09
-#define PROBE_PIN 0x0A
 #define OLD_MODE_BITS 0x7Fu
 #define OLD_LATCH_BITS 0xFFFF0000u
-#define C2_LATCH_BITS 0xFFFFFF00u
-#define TIMER_SELECT_MASK 0xF000u
+#define C2_LATCH_BITS HM2_STEPGEN_MODE_LATCH_MASK
+#define TIMER_SELECT_MASK (HM2_STEPGEN_TIMER_SELECT_ENABLE_MASK | HM2_STEPGEN_TIMER_SELECT_TIMER_MASK)
 #define OUTPUTS 8
 
 struct stepgen {
@@ -45,15 +37,15 @@ static void stepgen_destroy(void *self)
 
 static int input_of(const struct card_pin *pin)
 {
-	if (pin->number == INDEX_PIN || pin->number == INDEX_PIN_OLD)
+	if (pin->number == HM2_STEPGEN_PIN_INDEX || pin->number == HM2_STEPGEN_PIN_INDEX_A)
 		return 0;
-	return pin->number == PROBE_PIN || pin->number == PROBE_PIN_OLD ? 1 : -1;
+	return pin->number == HM2_STEPGEN_PIN_PROBE || pin->number == HM2_STEPGEN_PIN_PROBE_A ? 1 : -1;
 }
 
 static int has_inputs(const struct hm2_emulator *card)
 {
 	for (int i = 0; i < card->pin_count; i++)
-		if (card->pins[i].tag == GTAG_STEPGEN && input_of(&card->pins[i]) >= 0)
+		if (card->pins[i].tag == HM2_GTAG_STEPGEN && input_of(&card->pins[i]) >= 0)
 			return 1;
 	return 0;
 }
@@ -67,7 +59,7 @@ static void *stepgen_create(struct hm2_emulator *card, const struct card_descrip
 	stepgen->card = card;
 	stepgen->count = (int)count;
 	stepgen->version = descriptor->version;
-	stepgen->timers = card_has(card, GTAG_DPLL);
+	stepgen->timers = card_has(card, HM2_GTAG_DPLL);
 	stepgen->latches = calloc(count + 1, sizeof *stepgen->latches);
 	if (stepgen->latches == NULL) {
 		stepgen_destroy(stepgen);
@@ -129,19 +121,19 @@ static uint32_t stepgen_read(void *self, int reg, uint32_t offset, uint32_t *val
 {
 	const struct stepgen *stepgen = self;
 	int index = (int)(offset >> 2);
-	if (reg == MASTER_RATE) {
+	if (reg == HM2_STEPGEN_MASTER_DDS) {
 		*value = stepgen->master.rate;
 		return CARD_ALL_DRIVEN;
 	}
-	if (reg == TIMER_SELECT && stepgen->timers) {
+	if (reg == HM2_STEPGEN_TIMER_SELECT && stepgen->timers) {
 		*value = stepgen->timer_select;
 		return CARD_ALL_DRIVEN;
 	}
 	if (index >= stepgen->count)
 		return 0;
-	if (reg == MODE)
+	if (reg == HM2_STEPGEN_MODE)
 		return read_mode(&stepgen->units[index], value);
-	if (reg != ACCUMULATOR)
+	if (reg != HM2_STEPGEN_ACCUMULATOR)
 		return 0;
 	*value = stepgen->timer_select >> 15 ? stepgen->latches[index] : position(&stepgen->units[index]);
 	return CARD_ALL_DRIVEN;
@@ -151,28 +143,28 @@ static void write_unit(struct stepper *unit, int reg, uint32_t value)
 {
 	uint16_t time = (uint16_t)(value & TIME_MASK);
 	switch (reg) {
-	case RATE:
+	case HM2_STEPGEN_RATE:
 		unit->rate = (int32_t)value;
 		break;
-	case ACCUMULATOR:
+	case HM2_STEPGEN_ACCUMULATOR:
 		stepper_write_accumulator(unit, value);
 		break;
-	case MODE:
+	case HM2_STEPGEN_MODE:
 		unit->mode = (uint8_t)(unit->latches == STEPPER_LATCH_OLD ? value & OLD_MODE_BITS : value);
 		break;
-	case SETUP_TIME:
+	case HM2_STEPGEN_DIRECTION_SETUP:
 		unit->setup_time = time;
 		break;
-	case HOLD_TIME:
+	case HM2_STEPGEN_DIRECTION_HOLD:
 		unit->hold_time = time;
 		break;
-	case PULSE_TIME:
+	case HM2_STEPGEN_PULSE_LENGTH:
 		unit->pulse_time = time;
 		break;
-	case IDLE_TIME:
+	case HM2_STEPGEN_PULSE_IDLE:
 		unit->idle_time = time;
 		break;
-	case TABLE_DATA:
+	case HM2_STEPGEN_TABLE_DATA:
 		stepper_push_table(unit, value);
 		break;
 	default:
@@ -186,11 +178,11 @@ static int stepgen_write(void *self, int reg, uint32_t offset, uint32_t value)
 {
 	struct stepgen *stepgen = self;
 	int index = (int)(offset >> 2);
-	if (reg == MASTER_RATE) {
+	if (reg == HM2_STEPGEN_MASTER_DDS) {
 		master_rate_write(&stepgen->master, stepgen->card->clock, value);
 		return 1;
 	}
-	if (reg == TIMER_SELECT) {
+	if (reg == HM2_STEPGEN_TIMER_SELECT) {
 		if (!stepgen->timers)
 			return 0;
 		stepgen->timer_select = value & TIMER_SELECT_MASK;
@@ -209,7 +201,7 @@ static void stepgen_pins_changed(void *self)
 	struct hm2_emulator *card = stepgen->card;
 	for (int i = 0; i < card->pin_count; i++) {
 		const struct card_pin *pin = &card->pins[i];
-		int input = pin->tag == GTAG_STEPGEN ? input_of(pin) : -1;
+		int input = pin->tag == HM2_GTAG_STEPGEN ? input_of(pin) : -1;
 		if (input < 0)
 			continue;
 		uint8_t bit = (uint8_t)(1u << input);
@@ -232,7 +224,7 @@ static int stepgen_output(void *self, int unit, int number)
 }
 
 const struct card_module_type stepgen_type = {
-	.gtag = GTAG_STEPGEN,
+	.gtag = HM2_GTAG_STEPGEN,
 	.create = stepgen_create,
 	.destroy = stepgen_destroy,
 	.read = stepgen_read,

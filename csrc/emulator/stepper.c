@@ -8,20 +8,23 @@
  * In spans where timers merely count and additions make no step, everything moves at once. */
 #include "stepper.h"
 
+#include "registers.h"
+
 #define HALF (INT64_C(1) << 31)
 #define ACCUMULATOR_BITS 48
 #define TIMER_TOP 15 /* index and probe integrators */
 
 __extension__ typedef unsigned __int128 wide;
 
-enum { STEP_DIR, UP_DOWN, QUADRATURE, TABLE };
-
 /* Mode bits of the two latching variants. */
 enum {
 	OLD_LATCH_INDEX = 0x04, OLD_INDEX_RISING = 0x08, OLD_LATCH_PROBE = 0x10, OLD_PROBE_RISING = 0x20,
 	OLD_JUST_ONCE = 0x40,
-	SWAP = 0x04,
-	C2_LATCH_INDEX = 0x10, C2_INDEX_RISING = 0x20, C2_LATCH_PROBE = 0x40, C2_PROBE_RISING = 0x80
+	SWAP = HM2_STEPGEN_MODE_SWAP_MASK,
+	C2_LATCH_INDEX = HM2_STEPGEN_MODE_LATCH_ON_INDEX_MASK,
+	C2_INDEX_RISING = HM2_STEPGEN_MODE_INDEX_POLARITY_MASK,
+	C2_LATCH_PROBE = HM2_STEPGEN_MODE_LATCH_ON_PROBE_MASK,
+	C2_PROBE_RISING = HM2_STEPGEN_MODE_PROBE_POLARITY_MASK
 };
 
 static int64_t sign_extend(int64_t value)
@@ -293,14 +296,14 @@ uint32_t stepper_outputs(const struct stepper *s, int swaps)
 	static const uint8_t quadrature[4] = {0, 1, 3, 2};
 	uint32_t table = s->table[s->table_pointer];
 	uint32_t low;
-	switch (s->mode & 3) {
-	case STEP_DIR:
+	switch (s->mode & HM2_STEPGEN_MODE_MODE_MASK) {
+	case HM2_STEPGEN_MODE_STEP_DIRECTION:
 		low = (uint32_t)(s->pulse | s->direction << 1);
 		break;
-	case UP_DOWN:
+	case HM2_STEPGEN_MODE_UP_DOWN:
 		low = s->pulse ? (s->direction ? 2 : 1) : 0;
 		break;
-	case QUADRATURE:
+	case HM2_STEPGEN_MODE_QUADRATURE:
 		low = quadrature[((uint64_t)s->accumulator >> 30) & 3];
 		break;
 	default:

@@ -8,10 +8,7 @@
 
 #include "card_modules.h"
 
-enum { TIMER, STATUS, RESET };
-
-#define STOPPED 0x80000000u
-#define COOKIE 0x5Au
+#define STOPPED HM2_WATCHDOG_TIMER_STOPPED_MASK
 #define BITE_TO_RELEASE 1
 
 struct watchdog {
@@ -96,9 +93,9 @@ static uint32_t watchdog_read(void *self, int reg, uint32_t offset, uint32_t *va
 {
 	const struct watchdog *dog = self;
 	(void)offset;
-	if (reg == RESET)
+	if (reg == HM2_WATCHDOG_RESET)
 		return 0;
-	*value = reg == TIMER ? dog->counter : dog->status;
+	*value = reg == HM2_WATCHDOG_TIMER ? dog->counter : dog->status;
 	return CARD_ALL_DRIVEN;
 }
 
@@ -106,11 +103,11 @@ static int watchdog_write(void *self, int reg, uint32_t offset, uint32_t value)
 {
 	struct watchdog *dog = self;
 	(void)offset;
-	if (reg == TIMER) {
+	if (reg == HM2_WATCHDOG_TIMER) {
 		dog->reload = value;
 		load(dog, value);
-	} else if (reg == RESET) {
-		if (value >> 24 == COOKIE)
+	} else if (reg == HM2_WATCHDOG_RESET) {
+		if (value >> 24 == HM2_WATCHDOG_KEY_RESET >> 24)
 			load(dog, dog->reload);
 	} else if (dog->bitten != dog->clock) { /* a bite in the same clock wins */
 		dog->status = value & 1;
@@ -119,7 +116,7 @@ static int watchdog_write(void *self, int reg, uint32_t offset, uint32_t value)
 }
 
 const struct card_module_type watchdog_type = {
-	.gtag = GTAG_WATCHDOG,
+	.gtag = HM2_GTAG_WATCHDOG,
 	.create = watchdog_create,
 	.destroy = watchdog_destroy,
 	.read = watchdog_read,
