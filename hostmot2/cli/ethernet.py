@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 import click
 
 from hostmot2.bitfile import Bitfile, read_bitfile
+from hostmot2.cli.adapters import report_adapters
 from hostmot2.cli.session import Session, reports, rows
 from hostmot2.ethernet import EthernetService, Flash, discover
 from hostmot2.ethernet.discovery import DEFAULT_ADDRESSES
@@ -39,6 +40,7 @@ def _link(session: Session) -> Iterator[UdpLink]:
 @click.option("--interface", "interfaces", multiple=True, metavar="NAME", help="And of this interface's.")
 @click.option("--timeout", type=click.FloatRange(0.01, 60), default=0.3, show_default=True, metavar="S")
 @click.option("--port", type=click.IntRange(1, 65535), default=PORT, show_default=True)
+@click.option("--serial", is_flag=True, help="List serial and USB adapters instead.")
 @reports
 @click.pass_context
 def discover_cards(
@@ -49,12 +51,16 @@ def discover_cards(
     interfaces: tuple[str, ...],
     timeout: float,
     port: int,
+    serial: bool,
 ) -> None:
     """Find Ethernet and PCI cards; 3 when there are none.
 
     ADDRESSES in place of the two that cards are shipped with (192.168.1.121 and 10.10.10.10). The ARP table
     is looked through for cards, too. Nothing is written to any card.
     """
+    if serial:
+        report_adapters(context, session)
+        return
     found = discover(
         addresses or DEFAULT_ADDRESSES,
         subnets=subnets,

@@ -34,6 +34,8 @@ COMMANDS: dict[str, str] = {
     "setup": "hostmot2.cli.setup:setup",
     "rpd": "hostmot2.cli.serial_remote:rpd",
     "wpd": "hostmot2.cli.serial_remote:wpd",
+    "param": "hostmot2.cli.param:param",
+    "uflbp": "hostmot2.cli.uflbp:uflbp",
     "emulate-remote": "hostmot2.cli.emulate_remote:emulate_remote",
     "wiring": "hostmot2.cli.wiring:wiring",
 }

@@ -283,6 +283,7 @@ def plug(chip: VirtualFtdi) -> None:
 
 def unplug() -> None:
     """Take all chips off; pyftdi sees the real bus again."""
+    UsbTools.release_all_devices()
     _BACKEND.chips.clear()
     UsbTools.BACKENDS = _REAL
     UsbTools.flush_cache()

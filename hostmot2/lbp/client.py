@@ -15,11 +15,19 @@ from dataclasses import dataclass
 from typing import Self, TypeVar
 
 from hostmot2.lbp import frame
-from hostmot2.lbp.errors import LbpError, LineSilent, RemoteRefused, WrongAnswer, status_names
+from hostmot2.lbp.errors import LbpError, LineSilent, NotLbp, RemoteRefused, WrongAnswer, status_names
 from hostmot2.lbp.frame import Command, RpcStep
 from hostmot2.lbp.link import NORMAL_S, Link
 from hostmot2.register_map import Register
-from hostmot2.registers import LbpCapability, LbpClearFault, LbpLocal, LbpReset, LbpSpace, LbpStatus
+from hostmot2.registers import (
+    LbpCapability,
+    LbpClearFault,
+    LbpCookie,
+    LbpLocal,
+    LbpReset,
+    LbpSpace,
+    LbpStatus,
+)
 
 T = TypeVar("T")
 
@@ -46,6 +54,15 @@ MISHEARD = (
 CLEAR_READS = 1000
 
 
+def _pieces(count: int) -> Iterator[tuple[int, int]]:
+    """Offsets and sizes of 8, 4, 2 and 1 bytes that make up `count`."""
+    at = 0
+    for size in reversed(frame.SIZES):
+        while count - at >= size:
+            yield at, size
+            at += size
+
+
 @dataclass(frozen=True, slots=True)
 class Discovery:
     """What the discovery RPC answers: process data sizes in bytes, and where the tables are."""
@@ -68,6 +85,8 @@ class LbpRemote:
         self._space: int | None = None  # what the remote's memory space is known to be
         self._sick = True  # something failed and the remote was not asked why
         self._known_name = ""
+        self._away = False  # a space other than RAM may be selected
+        self._held: int | None = None  # a space that is kept between accesses
         link.open()
         self._confirmed(lambda: self._once(frame.COOKIE))
 
@@ -80,10 +99,9 @@ class LbpRemote:
     def close(self) -> None:
         """Memory space back to RAM if it was not, then give the line back."""
         try:
-            if self._space not in (LbpSpace.RAM, None) or self._sick:
-                self._confirmed(lambda: self._select(LbpSpace.RAM))
-        except LbpError:
-            pass  # the line is gone; a power cycle resets the space
+            if self._away:
+                with suppress(LbpError):  # the line is gone; a power cycle resets the space
+                    self._confirmed(lambda: self._select(LbpSpace.RAM))
         finally:
             self.link.close()
 
@@ -149,8 +167,10 @@ class LbpRemote:
     def _select(self, space: int) -> None:
         if self._space != space:
             self._space = None
+            self._away |= space != LbpSpace.RAM
             self._once(frame.write_local(LbpLocal.memory_space.number, space))
             self._space = space
+            self._away &= space != LbpSpace.RAM
 
     def _stable(self, operation: Callable[[], bytes]) -> bytes:
         """A value that was read twice alike. One that keeps changing passes only on a faultless line."""
@@ -204,16 +224,62 @@ class LbpRemote:
             self._confirmed(operation)
 
     @contextmanager
+    def memory_space(self, space: int) -> Iterator[None]:
+        """Inside, data accesses to this space do not go back to RAM in between; at the end they do."""
+        with self._back_to_ram():
+            before, self._held = self._held, space
+            try:
+                yield
+            finally:
+                self._held = before
+
+    def write_block(self, address: int, data: bytes, *, space: int) -> None:
+        """Any number of bytes in pieces of 8 and less; confirmed, and repeated, as a whole."""
+        pieces = [frame.write(address + at, data[at : at + size]) for at, size in _pieces(len(data))]
+
+        def operation() -> None:
+            self._select(space)
+            for piece in pieces:
+                self._once(piece)
+
+        with self._back_to_ram():
+            self._confirmed(operation)
+
+    def sync(self, timeout_s: float = FLASH_S) -> None:
+        """Wait until the remote has done what it is at: its cookie comes. Raises LineSilent, NotLbp."""
+        if (cookie := self._once(frame.COOKIE, timeout_s)[0]) != LbpCookie.VALUE:
+            self._sick = True
+            raise NotLbp(f"{self}: cookie {cookie:02X}", expected=LbpCookie.VALUE, received=cookie)
+
+    def commit(self, address: int, code: int, *, space: int) -> None:
+        """Write a byte that starts something, once, and wait until it is done.
+
+        For what must not be repeated on its own. Raises LineSilent, WrongAnswer, RemoteRefused.
+        """
+        try:
+            if self._sick or self._space != space:
+                raise WrongAnswer(f"{self}: not in memory space {space}")
+            self._once(frame.write(address, bytes([code])))
+            self.sync()
+            misheard = self._misheard()
+        except (LineSilent, WrongAnswer, NotLbp):
+            self._sick = True
+            raise
+        if misheard:
+            self._sick = True
+            raise self._refused(misheard)
+
+    @contextmanager
     def _back_to_ram(self) -> Iterator[None]:
-        """The remote's data accesses mean RAM again afterwards, whatever happened."""
+        """Data accesses mean RAM again afterwards, whatever happened; not while a space is held."""
         try:
             yield
-        except LbpError as failure:
-            if not isinstance(failure, RemoteRefused):
-                raise  # close() tries again
-            self._confirmed(lambda: self._select(LbpSpace.RAM))
+        except BaseException:
+            if self._away:
+                with suppress(LbpError):  # a dead line: close() tries again
+                    self._confirmed(lambda: self._select(LbpSpace.RAM))
             raise
-        if self._space != LbpSpace.RAM:
+        if self._space not in (LbpSpace.RAM, self._held):
             self._confirmed(lambda: self._select(LbpSpace.RAM))
 
     # -- the address pointer
@@ -274,7 +340,7 @@ class LbpRemote:
             raise ValueError(f"{value} is outside 0..255")
         command = frame.write_local(number if isinstance(number, int) else number.number, value)
         if command.data[0] & 0x1F == LbpLocal.memory_space.number:
-            self._space = None
+            self._space, self._away = None, True
         self._confirmed(lambda: self._once(command))
 
     @property

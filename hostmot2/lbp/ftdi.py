@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import time
+from contextlib import suppress
 
 from pyftdi.ftdi import Ftdi, FtdiError
 from pyftdi.usbtools import UsbToolsError
@@ -32,6 +33,8 @@ class FtdiStream:
             number = url.rpartition("/")[2]
             claim_interface(self._chip.usb_dev, (int(number) if number.isdigit() else 1) - 1)
         except (FtdiError, UsbToolsError, USBError, NoBackendError, OSError, ValueError) as failure:
+            with suppress(FtdiError, USBError):
+                self._chip.close()
             raise _opening(url, failure) from failure
         try:
             self._chip.set_baudrate(baud)  # ValueError when the nearest rate is more than 3 % off

@@ -36,6 +36,12 @@ class VerifyFailed(SserialError):
     code = "HM2-E029"
 
 
+class WrongBackup(SserialError):
+    """A backup of parameters that is broken, or of another remote. Nothing was written."""
+
+    code = "HM2-E032"
+
+
 TABLE_NAMES = {"ptoc": "PTOC", "gtoc": "GTOC"}
 
 TOC_DETAILS = {

@@ -196,6 +196,12 @@ class Core:
         raw = value & (1 << 8 * size) - 1
         self.check(lib.hm2_sserial_write_remote(self.handle, channel, space, address, size, raw, self.error))
 
+    def access(self, channel: int, command: int, address: int, value: int) -> int:
+        """One LBP command as it is, once: the value it reads."""
+        held = ffi.new("uint64_t *", value)
+        self.check(lib.hm2_sserial_access(self.handle, channel, command, address, held, self.error))
+        return int(held[0])
+
     def read_table(self, channel: int, pointer: int, table: int, *rest: Any) -> int:
         """`discovery.ReadTable` of a channel."""
         return int(lib.hm2_sserial_read_toc(self.handle, channel, pointer, table, *rest))

@@ -70,6 +70,26 @@ class PortMemory(ABC):
             self._enter_setup(channel)
             self._core.write_remote(channel, address, value, size, space)
 
+    def access_remote(self, channel: int, command: int, address: int = 0, value: int = 0) -> int:
+        """One LBP command (0x40..0x7F data, 0xC0..0xFF local) passed through in setup mode, once.
+
+        Raises PortRunning, NoRemote, RemoteSilent, ValueError.
+        """
+        with self._lock:
+            self._enter_setup(channel)
+            return self._core.access(channel, command, address, value)
+
+    def restart_setup(self, channel: int) -> None:
+        """Stop all channels and start this one in setup mode, its counters and errors cleared.
+
+        Raises PortRunning while channels move process data, NoRemote.
+        """
+        with self._lock:
+            self._ready()
+            self._refuse_while_running()
+            self._core.stop()
+            self._enter_setup(channel)
+
     def channel_variable(self, channel: int, register: Register, value: int | None = None) -> int:
         """A variable of a channel's block in the firmware; with `value` it is written first."""
         size = register.width // 8

@@ -268,6 +268,16 @@ class SserialPort(PortMemory):
             assert known.description is not None
             return known.description
 
+    def process_data_sizes(self, channel: int) -> tuple[int, int]:
+        """Bytes received (with the fault byte) and sent in an exchange, as the last start found out."""
+        with self._lock:
+            self._ready()
+            return self._core.sizes(channel)
+
+    def pause(self, seconds: float) -> None:
+        """Let time pass on the board's clock."""
+        self._board.pause(seconds)
+
     def counters(self) -> tuple[ChannelCounters, ...]:
         """The firmware's error counters of all channels, read now. Possible while channels run.
 
