@@ -1,8 +1,14 @@
-"""The C half of the dependency rule: driver and emulator share declarations, never code."""
+"""The dependency rule of ARCHITECTURE.md, and that nothing grows out of hand."""
 
 import re
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
+import pytest
+
+ROOT = Path(__file__).parent.parent
 CSRC = Path(__file__).parent.parent / "csrc"
 SHARED = {"hm2.h", "registers.h"}
 
@@ -23,3 +29,17 @@ def test_the_emulator_includes_of_the_driver_only_what_both_declare() -> None:
     for path in (CSRC / "emulator").glob("**/*.[ch]"):
         foreign = {name for name in includes(path) if not (path.parent / name).exists()}
         assert foreign <= SHARED, f"{path.name} includes {sorted(foreign - SHARED)}"
+
+
+def test_every_module_of_the_package_has_its_layer_and_imports_only_downwards() -> None:
+    lint_imports = shutil.which("lint-imports", path=str(Path(sys.executable).parent))
+    if not lint_imports:
+        pytest.skip("import-linter is not installed (make check has it)")
+    done = subprocess.run([lint_imports, "--no-cache"], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[done.stdout.find("Broken contracts") :]
+
+
+def test_no_function_and_no_file_is_too_long() -> None:
+    command = [sys.executable, "tools/sizes.py"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
