@@ -71,9 +71,9 @@ def test_the_command_tells_one_connector_or_everything(capsys: pytest.CaptureFix
             main(arguments)
         return int(ended.value.code or 0), capsys.readouterr().out
 
-    status, text = run("wiring", "7i77", "--connector", "tb5")
+    status, text = run("pins", "7i77", "--connector", "tb5")
     assert status == 0
     assert "AOUT3" in text
     assert "QA0" not in text
-    assert json.loads(run("--json", "wiring", "8i20")[1])["name"] == "8i20"
-    assert run("wiring", "7i77", "--connector", "TB9")[0] == 2
+    assert json.loads(run("--json", "pins", "8i20")[1])["name"] == "8i20"
+    assert run("pins", "7i77", "--connector", "TB9")[0] == 2

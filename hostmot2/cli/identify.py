@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import click
 
 from hostmot2.board import Board
+from hostmot2.cli import daughter
 from hostmot2.cli.session import Session, reports, rows
 from hostmot2.idrom import ModuleDescriptor, PinDescriptor
+from hostmot2.wiring import WIRING
 
 
 @click.command()
@@ -67,9 +70,23 @@ def modules(session: Session) -> None:
 
 
 @click.command()
+@click.argument("card", required=False, type=click.Choice(sorted(WIRING), case_sensitive=False))
+@click.option("--connector", help="With CARD: this connector only, such as TB5.")
+@click.option(
+    "--svg", type=click.Path(dir_okay=False, path_type=Path), help="With CARD: draw it to this file."
+)
 @reports
-def pins(session: Session) -> None:
-    """Where every I/O pin is, and which module can have it."""
+def pins(session: Session, card: str | None, connector: str | None, svg: Path | None) -> None:
+    """Where every I/O pin is, and which module can have it.
+
+    With CARD: the terminals, jumpers, LEDs and limits of that daughter card, and what to check before
+    power-up; no board is opened.
+    """
+    if card is not None:
+        daughter.show(session, card, connector, svg)
+        return
+    if connector is not None or svg is not None:
+        raise click.UsageError("--connector and --svg need a daughter card")
     with session.board() as board:
         lines = [(pin.index, _connector(pin), *_function(pin)) for pin in board.pins]
         document = [

@@ -37,7 +37,6 @@ COMMANDS: dict[str, str] = {
     "param": "hostmot2.cli.param:param",
     "uflbp": "hostmot2.cli.uflbp:uflbp",
     "emulate-remote": "hostmot2.cli.emulate_remote:emulate_remote",
-    "wiring": "hostmot2.cli.wiring:wiring",
 }
 """Name -> module:command. A module is imported when its command is used, so that `hm2 info` is quick."""
 

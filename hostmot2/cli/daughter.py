@@ -1,4 +1,4 @@
-"""hm2 wiring: a daughter card's connectors, jumpers, LEDs and limits, as text or as a picture."""
+"""A daughter card's connectors, jumpers, LEDs and limits, as text or as a picture: `hm2 pins 7i77`."""
 
 from __future__ import annotations
 
@@ -7,20 +7,13 @@ from pathlib import Path
 
 import click
 
-from hostmot2.cli.session import Session, reports, rows
+from hostmot2.cli.session import Session, rows
 from hostmot2.wiring import WIRING, CardFacts
 from hostmot2.wiring.drawing import draw, range_text
 
 
-@click.command()
-@click.argument("card", type=click.Choice(sorted(WIRING), case_sensitive=False))
-@click.option(
-    "--svg", type=click.Path(dir_okay=False, path_type=Path), help="Write the picture to this file."
-)
-@click.option("--connector", help="This connector only, such as TB5.")
-@reports
-def wiring(session: Session, card: str, svg: Path | None, connector: str | None) -> None:
-    """Terminals, jumpers, LEDs and limits of a 7I77 or 8I20, and what to check before power-up."""
+def show(session: Session, card: str, connector: str | None, svg: Path | None) -> None:
+    """Report a daughter card's facts, or draw them. Raises click.UsageError for an unknown connector."""
     facts = WIRING[card.lower()]
     if svg is not None:
         svg.write_text(draw(facts), encoding="utf-8")
