@@ -224,9 +224,20 @@ int hm2_emulator_write(hm2_emulator *card, uint32_t address, const uint32_t *wor
 	return card_write_words(card, address, words, count, error);
 }
 
+/* A card has one kind of SSERIAL or the other. */
+static const struct card_module *sserial_module(const hm2_emulator *card)
+{
+	for (int i = 0; i < card->module_count; i++) {
+		uint8_t gtag = card->modules[i].descriptor.gtag;
+		if (gtag == HM2_GTAG_SSERIAL || gtag == HM2_GTAG_SSERIAL_B)
+			return &card->modules[i];
+	}
+	return NULL;
+}
+
 int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm2_remote *remote, int through_pins)
 {
-	struct card_module *module = card_find(card, HM2_GTAG_SSERIAL);
+	const struct card_module *module = sserial_module(card);
 	if (module == NULL)
 		return HM2_ERR_RANGE;
 	hm2_emulator_sync(card);
@@ -235,18 +246,14 @@ int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm
 
 size_t hm2_emulator_line_records(hm2_emulator *card, int instance, hm2_line_record *records, size_t capacity)
 {
-	for (int i = 0; i < card->module_count; i++)
-		if (card->modules[i].type == &sserial_type)
-			return sserial_line_records(&card->modules[i], instance, records, capacity);
-	return 0;
+	const struct card_module *module = sserial_module(card);
+	return module == NULL ? 0 : sserial_line_records(module, instance, records, capacity);
 }
 
 int hm2_emulator_sserial_channels(const hm2_emulator *card, int instance)
 {
-	for (int i = 0; i < card->module_count; i++)
-		if (card->modules[i].descriptor.gtag == HM2_GTAG_SSERIAL)
-			return sserial_channels(&card->modules[i], instance);
-	return 0;
+	const struct card_module *module = sserial_module(card);
+	return module == NULL ? 0 : sserial_channels(module, instance);
 }
 
 int hm2_emulator_interrupt(hm2_emulator *card)

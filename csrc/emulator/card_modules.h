@@ -16,6 +16,7 @@ extern const struct card_module_type dpll_type;
 extern const struct card_module_type ssr_type;
 extern const struct card_module_type outm_type;
 extern const struct card_module_type sserial_type;
+extern const struct card_module_type sserial_b_type;
 
 /* ioport.c */
 struct ioport {
@@ -57,7 +58,7 @@ struct encoder_latch {
 };
 
 /* sserial.c */
-int sserial_attach(struct card_module *module, int instance, int channel, struct hm2_remote *remote,
+int sserial_attach(const struct card_module *module, int instance, int channel, struct hm2_remote *remote,
                    int through_pins);
 int sserial_channels(const struct card_module *module, int instance);
 size_t sserial_line_records(const struct card_module *module, int instance, hm2_line_record *records,

@@ -14,6 +14,7 @@ static const struct card_module_type *const types[] = {
 	&ssr_type,
 	&outm_type,
 	&sserial_type,
+	&sserial_b_type,
 };
 
 const struct card_module_type *card_module_type(uint8_t gtag)

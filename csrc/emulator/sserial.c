@@ -157,7 +157,7 @@ static void sserial_pins_changed(void *self)
 	}
 }
 
-int sserial_attach(struct card_module *module, int instance, int channel, struct hm2_remote *remote,
+int sserial_attach(const struct card_module *module, int instance, int channel, struct hm2_remote *remote,
                    int through_pins)
 {
 	struct sserial *sserial = module->self;
@@ -188,6 +188,17 @@ size_t sserial_line_records(const struct card_module *module, int instance, hm2_
 
 const struct card_module_type sserial_type = {
 	.gtag = HM2_GTAG_SSERIAL,
+	.create = sserial_create,
+	.destroy = sserial_destroy,
+	.read = sserial_read,
+	.write = sserial_write,
+	.advance = sserial_advance,
+	.pins_changed = sserial_pins_changed,
+};
+
+/* The same with 224 bits of interface data instead of 96. */
+const struct card_module_type sserial_b_type = {
+	.gtag = HM2_GTAG_SSERIAL_B,
 	.create = sserial_create,
 	.destroy = sserial_destroy,
 	.read = sserial_read,

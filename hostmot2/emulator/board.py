@@ -241,8 +241,8 @@ class EmulatedBoard:
             lib.hm2_emulator_new(ffi.new("uint32_t[]", words), len(words), options, out, self._error),
             self._error,
         )
-        self.handle = ffi.gc(out[0], lib.hm2_emulator_free)
-        """The `hm2_emulator *` of the C core."""
+        self._handle = ffi.gc(out[0], lib.hm2_emulator_free)
+        self._closed = False
         self._bus: Any = None
         self._plugged: set[int] = set()
         self._kept: list[object] = []
@@ -262,6 +262,13 @@ class EmulatedBoard:
                     continue
                 unit = catalog.CATALOG[name].unit_number + number
                 self.sserial[0].attach(channel, catalog.remote(name, unit_number=unit), through_pins=True)
+
+    @property
+    def handle(self) -> Any:
+        """The `hm2_emulator *` of the C core. Raises ValueError on a closed board."""
+        if self._closed:
+            raise ValueError("the emulated board is closed")
+        return self._handle
 
     def read(self, address: int, count: int = 1) -> Any:
         """One word, or a list of `count` words at consecutive addresses; takes no virtual time.
@@ -363,8 +370,8 @@ class EmulatedBoard:
         return bool(lib.hm2_emulator_interrupt(self.handle))
 
     def close(self) -> None:
-        """Take the card away; using it afterwards is an error of the caller."""
-        ffi.release(self.handle)
+        """Take the card away: using it afterwards is a ValueError. An open driver keeps it alive."""
+        self._closed = True
 
     def __enter__(self) -> EmulatedBoard:
         return self

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from hostmot2 import HostMot2Error
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.board import UNDRIVEN
+from hostmot2.emulator.cards import card
 
 
 def test_virtual_time_stands_still_until_advanced() -> None:
@@ -21,9 +24,9 @@ def test_virtual_time_stands_still_until_advanced() -> None:
     assert board.clocks == 133
 
 
-@pytest.mark.parametrize(("card", "clocks"), [("5i25+7i77", 33), ("6i25+7i77", 67), ("7i92+7i77", 100)])
-def test_clock_low_is_the_cards_own(card: str, clocks: int) -> None:
-    board = EmulatedBoard(card, clock="virtual")
+@pytest.mark.parametrize(("name", "clocks"), [("5i25+7i77", 33), ("6i25+7i77", 67), ("7i92+7i77", 100)])
+def test_clock_low_is_the_cards_own(name: str, clocks: int) -> None:
+    board = EmulatedBoard(name, clock="virtual")
     board.advance(1.0)
     assert board.clocks == clocks
 
@@ -80,7 +83,7 @@ def test_what_nobody_decodes_reads_as_undriven_and_is_refused_when_strict() -> N
 def test_accesses_outside_the_register_file_are_the_callers_mistake() -> None:
     board = EmulatedBoard(clock="virtual")
     for address, count in ((0x10000, 1), (0xFFFC, 2), (0x102, 1), (0x100, 0)):
-        with pytest.raises(ValueError, match="emulated card|count"):
+        with pytest.raises(ValueError, match=r"emulated card|count"):
             board.read(address, count)
     with pytest.raises(ValueError, match="emulated card"):
         board.write(0x10000, 0)
@@ -117,3 +120,26 @@ def test_no_fraction_of_a_count_is_lost_over_many_changes_of_rate() -> None:
         board.advance(10.0)
     exact = sum(1000.0 + turn % 7 for turn in range(10_000)) * 10e-6
     assert abs(encoder.position - exact) < 1
+
+
+def test_a_closed_board_is_refused() -> None:
+    with EmulatedBoard(clock="virtual") as board:
+        pin = board.pin(0)
+    with pytest.raises(ValueError, match="closed"):
+        board.read(0x100)
+    with pytest.raises(ValueError, match="closed"):
+        pin.drive(0)
+    board.close()
+
+
+def test_sserial_b_has_seven_registers_of_interface_data() -> None:
+    facts = card("5i25+7i77")
+    modules = tuple(
+        replace(m, gtag=0xC6, base=0xA000, registers=10, multiple=0x3FC) if m.gtag == 0xC1 else m
+        for m in facts.modules
+    )
+    pins = tuple((p & ~0xFF00) | 0xC600 if p >> 8 & 0xFF == 0xC1 else p for p in facts.pins)
+    board = EmulatedBoard(replace(facts, modules=modules, pins=pins), clock="virtual", strict=True)
+    assert board.sserial[0].channels == 3
+    board.advance(1000.0)
+    assert board.read(0xA900) == 0
