@@ -317,6 +317,8 @@ enum hm2_remote_knob {
 	HM2_REMOTE_TURNAROUND_PS,     /* middle of the last stop bit to the start of the answer */
 	HM2_REMOTE_BAUD,
 	HM2_REMOTE_BAUD_ADDRESS,      /* EEPROM word with the baud rate's index, used at reset; -1: none */
+	HM2_REMOTE_CRC_ADDRESS,       /* EEPROM word that is not 0 if CRCs are checked, used at reset; -1: none */
+	HM2_REMOTE_PWM_ADDRESS,       /* 8I20: EEPROM word with its PWM rate in Hz, the watchdog's unit; -1: none */
 	HM2_REMOTE_SETUP_MODE,        /* 1: set-up jumper in place, from the next reset on: 115200 baud, long timeout */
 	HM2_REMOTE_TIMEOUT_BITS,      /* a longer gap ends a frame, local register 0xCB; 0: never */
 	HM2_REMOTE_CRC,               /* 0: no CRC byte either way, and no answer without data */
@@ -327,6 +329,9 @@ enum hm2_remote_knob {
 	HM2_REMOTE_FAULT_WORD,        /* 8I20: its faults, the word at 0x0852 */
 	HM2_REMOTE_FAULT_WORD_ON_ENABLE, /* 8I20: fault word after enabling; 0: unchanged */
 	HM2_REMOTE_PID_OFF_READS,     /* 8I20: so many more reads of 0x08FE give 0 */
+	HM2_REMOTE_SUPERVISED,        /* 8I20: 1 a drive (brake, faults, limits), 0 words and nothing behind them */
+	HM2_REMOTE_ENABLE_INPUT,      /* 8I20: its external enable input; 0: not driven */
+	HM2_REMOTE_FAULT_OUTPUT,      /* 8I20: its fault output; 1: on, no fault but masked ones */
 	HM2_REMOTE_INJECT_BAD_CRC,    /* so many answers with an inverted CRC */
 	HM2_REMOTE_INJECT_TRUNCATE,   /* bytes missing at the end of the next answer */
 	HM2_REMOTE_INJECT_EXTRA,      /* surplus bytes after the next answer: E0, E1, .. */

@@ -302,10 +302,9 @@ def test_8i20_process_answer_is_status_fault_bus_voltage_temperature() -> None:
     drive = remote("8i20")
     start(drive)
     drive.set("busv", 320.0)
-    drive.set("temperature", 41.5)
-    drive.set("status", 0x0201)
+    drive.set("temperature", 71.5)  # above TEMPILIMIT: current limited
     answer = ask(drive, 0xBD, bytes.fromhex("34 12 cd ab"))
-    assert answer == bytes.fromhex("01 02 00 00") + (32000).to_bytes(2, "little") + (4150).to_bytes(
+    assert answer == bytes.fromhex("01 02 00 00") + (32000).to_bytes(2, "little") + (7150).to_bytes(
         2, "little"
     )
     assert read(drive, 0x0830, 2) == b"\x34\x12"

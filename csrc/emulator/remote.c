@@ -43,6 +43,8 @@ static const knob_range ranges[HM2_REMOTE_KNOBS] = {
 	[HM2_REMOTE_TURNAROUND_PS] = { 3000000, 0, 1000 * PS_PER_SECOND },
 	[HM2_REMOTE_BAUD] = { 2500000, 300, 100000000 },
 	[HM2_REMOTE_BAUD_ADDRESS] = { -1, -1, HM2_REMOTE_EEPROM_MAX - 2 },
+	[HM2_REMOTE_CRC_ADDRESS] = { -1, -1, HM2_REMOTE_EEPROM_MAX - 2 },
+	[HM2_REMOTE_PWM_ADDRESS] = { -1, -1, HM2_REMOTE_EEPROM_MAX - 2 },
 	[HM2_REMOTE_SETUP_MODE] = { 0, 0, 1 },
 	[HM2_REMOTE_TIMEOUT_BITS] = { 40, 0, U8_MAX },
 	[HM2_REMOTE_CRC] = { 1, 0, 1 },
@@ -53,6 +55,9 @@ static const knob_range ranges[HM2_REMOTE_KNOBS] = {
 	[HM2_REMOTE_FAULT_WORD] = { 0, 0, U16_MAX },
 	[HM2_REMOTE_FAULT_WORD_ON_ENABLE] = { 0, 0, U16_MAX },
 	[HM2_REMOTE_PID_OFF_READS] = { 0, 0, MANY },
+	[HM2_REMOTE_SUPERVISED] = { 0, 0, 1 },
+	[HM2_REMOTE_ENABLE_INPUT] = { 1, 0, 1 },
+	[HM2_REMOTE_FAULT_OUTPUT] = { 1, 0, 1 },
 	[HM2_REMOTE_INJECT_BAD_CRC] = { 0, 0, MANY },
 	[HM2_REMOTE_INJECT_TRUNCATE] = { 0, 0, HM2_REMOTE_DATA_MAX },
 	[HM2_REMOTE_INJECT_EXTRA] = { 0, 0, 32 },
@@ -108,6 +113,10 @@ static void apply(hm2_remote *remote, int knob, int64_t value)
 	case HM2_REMOTE_FAULT:
 	case HM2_REMOTE_FAULT_WORD:
 		remote_show_faults(remote);
+		remote_8i20_supervise(remote);
+		break;
+	case HM2_REMOTE_ENABLE_INPUT:
+		remote_8i20_supervise(remote);
 		break;
 	default:
 		break;
@@ -130,18 +139,29 @@ int64_t hm2_remote_get(const hm2_remote *remote, int knob)
 	return knob < 0 || knob >= HM2_REMOTE_KNOBS ? -1 : remote->knob[knob];
 }
 
+/* The EEPROM word a knob points to; -1: none. */
+static int stored(const hm2_remote *remote, int knob)
+{
+	int64_t address = remote->knob[knob];
+
+	return address < 0 ? -1 : remote->eeprom[address] | remote->eeprom[address + 1] << 8;
+}
+
 /* The line as the jumper and the EEPROM want it (7I77 and 8I20 manuals: operate mode baud rate). */
 static void reset_line(hm2_remote *remote)
 {
 	static const int32_t bauds[] = { 9600,   19200,  38400,   57600,   115200,  230400,
 		                         460800, 921600, 1250000, 2500000, 5000000, 10000000 };
-	int64_t address = remote->knob[HM2_REMOTE_BAUD_ADDRESS];
-	int index = address < 0 ? -1 : remote->eeprom[address] | remote->eeprom[address + 1] << 8;
+	int index = stored(remote, HM2_REMOTE_BAUD_ADDRESS), pwm = stored(remote, HM2_REMOTE_PWM_ADDRESS);
 
 	if (remote->knob[HM2_REMOTE_SETUP_MODE])
 		hm2_remote_set(remote, HM2_REMOTE_BAUD, SETUP_BAUD);
 	else if (index >= 0 && index < (int)(sizeof bauds / sizeof *bauds))
 		hm2_remote_set(remote, HM2_REMOTE_BAUD, bauds[index]);
+	if (stored(remote, HM2_REMOTE_CRC_ADDRESS) >= 0)
+		remote->knob[HM2_REMOTE_CRC] = stored(remote, HM2_REMOTE_CRC_ADDRESS) != 0;
+	if (pwm > 0)
+		remote->knob[HM2_REMOTE_WATCHDOG_UNIT_PS] = PS_PER_SECOND / pwm;
 	remote->knob[HM2_REMOTE_TIMEOUT_BITS] =
 		remote->knob[HM2_REMOTE_SETUP_MODE] ? SETUP_TIMEOUT_BITS : ranges[HM2_REMOTE_TIMEOUT_BITS].initial;
 }
@@ -178,6 +198,7 @@ void hm2_remote_reset(hm2_remote *remote)
 	*remote_faults(remote) = remote->knob[HM2_REMOTE_FAULT_AT_RESET];
 	remote_show_faults(remote);
 	remote_feed_watchdog(remote);
+	remote_8i20_supervise(remote);
 }
 
 uint64_t hm2_remote_writes(const hm2_remote *remote, hm2_remote_write *writes, size_t capacity, size_t *count)

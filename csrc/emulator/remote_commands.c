@@ -171,6 +171,7 @@ static int write_local(hm2_remote *remote, int number, uint8_t value)
 	case HM2_LBP_LOCAL_RPC_SIZE_HIGH:
 		if (value == HM2_LBP_RESET_KEY) {
 			hm2_remote_reset(remote);
+			remote_8i20_software_reset(remote);
 			return -1; /* a processor in reset does not answer */
 		}
 		break;

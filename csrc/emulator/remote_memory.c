@@ -147,8 +147,10 @@ int hm2_remote_poke(hm2_remote *remote, int space, uint32_t address, const uint8
 	if (space == HM2_LBP_SPACE_RAM)
 		remote_images_to_ram(remote);
 	memcpy(memory, bytes, length);
-	if (space == HM2_LBP_SPACE_RAM)
+	if (space == HM2_LBP_SPACE_RAM) {
 		remote_ram_to_images(remote, address, length);
+		remote_8i20_supervise(remote);
+	}
 	return HM2_OK;
 }
 

@@ -179,6 +179,8 @@ int64_t *remote_faults(hm2_remote *remote)
 
 int remote_gated(hm2_remote *remote)
 {
+	if (remote->knob[HM2_REMOTE_MODEL] == HM2_REMOTE_8I20)
+		return remote->knob[HM2_REMOTE_FAULT_GATES] && remote_8i20_unmasked(remote);
 	return remote->knob[HM2_REMOTE_FAULT_GATES] && *remote_faults(remote);
 }
 
@@ -209,6 +211,7 @@ void remote_clear_faults(hm2_remote *remote)
 	*remote_faults(remote) = remote->illegal_mode ? HM2_REMOTE_FAULT_ILLEGAL_MODE : 0;
 	remote_show_faults(remote);
 	remote_feed_watchdog(remote);
+	remote_8i20_supervise(remote); /* what is still so is a fault again */
 }
 
 void remote_feed_watchdog(hm2_remote *remote)
@@ -229,6 +232,8 @@ void remote_check_watchdog(hm2_remote *remote)
 {
 	int64_t period = watchdog_ps(remote);
 
+	if (remote->knob[HM2_REMOTE_MODEL] == HM2_REMOTE_8I20)
+		remote_8i20_supervise(remote);
 	if (period == 0 || remote->now_ps - remote->fed_ps <= period || *remote_faults(remote) & HM2_REMOTE_FAULT_WATCHDOG)
 		return;
 	*remote_faults(remote) |= HM2_REMOTE_FAULT_WATCHDOG;
@@ -264,6 +269,7 @@ void remote_process(hm2_remote *remote, const uint8_t *outputs, remote_answer *a
 		memcpy(remote->output_image, outputs, sent);
 		remote->outputs_stale = 1;
 	}
+	remote_8i20_supervise(remote);
 	remote_refresh_inputs(remote);
 	if (remote->knob[HM2_REMOTE_MODEL] == HM2_REMOTE_GENERIC) {
 		answer->bytes[answer->length++] = (uint8_t)remote->knob[HM2_REMOTE_FAULT];

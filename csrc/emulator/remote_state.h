@@ -145,6 +145,9 @@ void remote_show_faults(hm2_remote *remote);
 
 /* remote_8i20.c: RAM words of the 8I20 that are more than memory. */
 void remote_8i20_show_faults(hm2_remote *remote);
+void remote_8i20_supervise(hm2_remote *remote); /* conditions of the drive: brake, faults, limits, currents */
+void remote_8i20_software_reset(hm2_remote *remote);
+int64_t remote_8i20_unmasked(const hm2_remote *remote); /* the faults that stop the drive */
 void remote_8i20_before_read(hm2_remote *remote, uint16_t address, size_t length);
 void remote_8i20_after_write(hm2_remote *remote, uint16_t address, size_t length);
 

@@ -30,7 +30,10 @@ def emulate_remote(
     if not pty:
         raise click.UsageError("where? --pty puts it on a pseudo terminal")
     emulated = remote(name, unit_number=unit, setup_jumper=not operate)
-    if crc_off:
+    if crc_off and "NVCRCENABLE" in emulated.parameters:
+        emulated.set_raw("NVCRCENABLE", 0)
+        emulated.power_cycle()
+    elif crc_off:
         emulated.crc = False
     kept = RemoteState(emulated, state, name.lower()) if state else None
     serve(emulated, kept, ready=lambda path: click.echo(f"ready {path}"))

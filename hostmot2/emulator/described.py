@@ -120,10 +120,13 @@ class DescribedRemote(EmulatedRemote):
             ("watchdogtime", lib.HM2_REMOTE_WATCHDOG_ADDRESS),
             ("unitnumber", lib.HM2_REMOTE_UNIT_ADDRESS),
             ("nvbaudrate", lib.HM2_REMOTE_BAUD_ADDRESS),
+            ("nvcrcenable", lib.HM2_REMOTE_CRC_ADDRESS),
+            ("nvpwmrate", lib.HM2_REMOTE_PWM_ADDRESS),
             ("fault", lib.HM2_REMOTE_FAULT_ADDRESS),
         ):
             if name in parameters and not (name == "fault" and described.model == "8i20"):
                 self._set(knob, parameters[name].address)
+        self._set(lib.HM2_REMOTE_SUPERVISED, int(described.model == "8i20"))
         capability = CRC_CAPABLE | (EEPROM_CAPABLE if self.image.eeprom else 0)
         if described.flash is not None:
             self._check(lib.hm2_remote_add_flash(self._remote, *described.flash))

@@ -58,7 +58,7 @@ class RemoteDescription:
 
     Parameters of these names have their effect, in any capitals: WatchDogTime (RAM, units of
     `watchdog_unit_us`, 0 is off), UnitNumber (RAM, 32 bits), NVUnitNumber, NVBaudRate (baud index, EEPROM),
-    Fault (RAM, 16 bits).
+    NVCrcEnable (EEPROM, 0: no CRC), NVPwmRate (EEPROM, Hz, the watchdog's unit), Fault (RAM, 16 bits).
 
     Attributes:
         name: card name, up to four ASCII characters.

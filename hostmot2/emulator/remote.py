@@ -236,6 +236,12 @@ class EmulatedRemote:
     fault_word_on_enable = _knob(
         lib.HM2_REMOTE_FAULT_WORD_ON_ENABLE, "8I20: what enabling puts into `fault_word`; 0: nothing."
     )
+    enable_input = _flag(
+        lib.HM2_REMOTE_ENABLE_INPUT, "8I20 of the catalogue: its external enable input is driven."
+    )
+    fault_output = _flag(
+        lib.HM2_REMOTE_FAULT_OUTPUT, "8I20: its fault output, True without an unmasked fault."
+    )
     pid_off_reads = _knob(
         lib.HM2_REMOTE_PID_OFF_READS, "8I20: so many more reads of PIDON, the word at 0x08FE, give 0."
     )

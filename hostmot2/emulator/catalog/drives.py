@@ -94,7 +94,8 @@ MESA_8I20 = RemoteDescription(
     ram_at=0x0A00,
     readable=(0x0800, 0x0BFF),
     invented="start values of everything but BRAKEONV, BRAKEOFFV, KQP, KQI, KDP, KDI, BUSOVERV, the baud "
-    "index and the watchdog time; bus voltage and temperature at rest",
+    "index and the watchdog time; bus voltage and temperature at rest; currents in 10 mA, "
+    "the law of the temperature limit, hysteresis of the bus under voltage between MIN and MAX",
 )
 
 CATALOG = {"8i20": MESA_8I20}
