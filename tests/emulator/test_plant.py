@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from lbp import write
 
 from hostmot2.emulator import catalog
 from hostmot2.emulator.board import EmulatedBoard
@@ -107,6 +108,13 @@ def test_a_load_turns_a_motor_that_is_off() -> None:
     assert bench.motor.turns > 0.1
 
 
+def run(drive: DescribedRemote) -> None:
+    """Faults cleared, watchdog off, PID on."""
+    poke(drive, "watchdogtime", 0)
+    for address in (0x0854, 0x0804):
+        assert write(drive, address, b"\xff\xff") == b""
+
+
 @pytest.mark.parametrize(("error", "direction"), [(0.0, 1), (0.5, -1), (0.2, 1), (-0.2, 1), (0.3, -1)])
 def test_pm_torque_follows_the_cosine_of_the_angle_error(error: float, direction: int) -> None:
     board = EmulatedBoard("5i25+7i77", clock="virtual")
@@ -116,7 +124,7 @@ def test_pm_torque_follows_the_cosine_of_the_angle_error(error: float, direction
     motor = couple_pm_motor(board, constants)
     poke(drive, "angle", round(error % 1.0 * 65535))
     poke(drive, "qsetpoint", 0x7FFF)
-    poke(drive, "pidon", 0xFFFF)
+    run(drive)
     board.advance(60.0)
     assert motor.torque == pytest.approx(constants.constant * 7.5 * math.cos(TURN * error), abs=0.01)
     assert motor.turns_per_second * direction > 0
@@ -127,7 +135,7 @@ def test_commutation_from_the_encoder_keeps_it_turning() -> None:
     drive = catalog.remote("8i20")
     board.sserial[0].attach(0, drive)
     motor = couple_pm_motor(board, PmMotorConstants(rotor=Rotor(friction=1e-3)))
-    poke(drive, "pidon", 0xFFFF)
+    run(drive)
     poke(drive, "qsetpoint", 0x1000)
     for _ in range(2000):
         turns = board.encoder_input(0).position / 4000
