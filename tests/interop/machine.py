@@ -254,7 +254,7 @@ def _number(text: str) -> float:
 _WATCH = """
 import os, sys, time
 os.sched_setaffinity(0, {int(sys.argv[1])})
-# only now: an interpreter starting as a real-time process would itself be the stall. Below LinuxCNC's threads.
+# only now: an interpreter that starts as a real-time process would itself be the stall
 os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(39))
 worst, until = 0.0, time.monotonic() + float(sys.argv[2])
 while (start := time.monotonic()) < until:
