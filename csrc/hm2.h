@@ -742,8 +742,9 @@ struct hm2_ethernet;
 /* The HostMot2 register file behind memory space 0. Only self, read and write are required. */
 typedef struct hm2_ethernet_card {
 	void *self;
-	uint32_t (*read)(void *self, uint32_t address);
-	void (*write)(void *self, uint32_t address, uint32_t value);
+	/* consecutive words; never past 0xFFFC */
+	void (*read)(void *self, uint32_t address, uint32_t *words, size_t count);
+	void (*write)(void *self, uint32_t address, const uint32_t *words, size_t count);
 	void (*enter)(void *self); /* around a packet's accesses, for a card shared with other threads */
 	void (*leave)(void *self);
 	void (*reload)(void *self); /* the FPGA was configured anew: power-up state */
@@ -1267,5 +1268,48 @@ typedef struct hm2_pm_motor {
  * and looks at it after hm2_emulator_sync. */
 int hm2_emulator_add_dc_motor(hm2_emulator *card, hm2_dc_motor *motor, hm2_error *error);
 int hm2_emulator_add_pm_motor(hm2_emulator *card, hm2_pm_motor *motor, hm2_error *error);
+
+/* ---- the floor of UDP exchanges, to measure against (udp_floor.c) --------------------------- */
+
+/* A thread that answers every datagram of at least 16 bytes with reply_size bytes: zeros, and the numbers
+ * that make it a card's answer to the UDP transport. No registers behind it: the least a card can do. */
+struct hm2_udp_floor;
+
+int hm2_udp_floor_open(size_t reply_size, uint32_t spin_us, int fifo_priority, int cpu,
+                       struct hm2_udp_floor **floor, hm2_error *error);
+void hm2_udp_floor_close(struct hm2_udp_floor *floor);
+uint16_t hm2_udp_floor_port(const struct hm2_udp_floor *floor);
+/* Bare send and receive, `window` requests under way, waiting as the transport does. ns: the time of each
+ * exchange; with a window above 1 each entry is the time from one reply to the next. */
+int hm2_udp_floor_exchanges(uint16_t port, const uint8_t *request, size_t length, uint32_t spin_ns,
+                            uint32_t window, uint32_t count, uint64_t *ns, hm2_error *error);
+
+/* A whole cycle: pack, exchange, unpack. */
+typedef struct hm2_udp_floor_cycle {
+	struct hm2_cycle *cycle;
+	struct hm2_process_data *process_data; /* may be NULL */
+	hm2_error error;
+} hm2_udp_floor_cycle;
+
+int hm2_udp_floor_cycle_run(hm2_udp_floor_cycle *cycle);
+int hm2_udp_floor_cycles(hm2_udp_floor_cycle *cycle, uint32_t count, uint64_t *ns);
+
+/* Cycles at a fixed period: what was late, and where the time went. A cycle is late when its values are not
+ * there one period after its start was due; it is counted at the stage that took longest. */
+#define HM2_UDP_FLOOR_WAKE 0   /* the system let the thread run late */
+#define HM2_UDP_FLOOR_SEND 1
+#define HM2_UDP_FLOOR_ANSWER 2
+#define HM2_UDP_FLOOR_STAGES 3
+
+typedef struct hm2_udp_floor_timing {
+	uint64_t cycles;
+	uint64_t missed;                        /* no answer before the deadline */
+	uint64_t late[3];       
+	uint64_t longest_ns[3]; /* of any cycle */
+	uint64_t skipped;                       /* periods left out to catch up */
+} hm2_udp_floor_timing;
+
+void hm2_udp_floor_periodic(hm2_udp_floor_cycle *cycle, int64_t period_ns, uint32_t count,
+                            hm2_udp_floor_timing *timing);
 
 #endif

@@ -179,8 +179,10 @@ int hm2_udp_lbp16(struct hm2_udp *udp, const uint8_t *commands, size_t length, u
                   int64_t deadline_ns, hm2_error *error)
 {
 	struct udp_datagram *datagram = &udp->window[0];
-	int status = udp_datagram_raw(datagram, commands, length, reply_size);
+	int status;
 
+	udp->compiled.count = 0; /* its datagram is overwritten */
+	status = udp_datagram_raw(datagram, commands, length, reply_size);
 	if (status != HM2_OK)
 		return hm2_error_set(error, status, "udp lbp16");
 	if (udp->counters.failed)

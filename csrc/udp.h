@@ -32,6 +32,17 @@ struct udp_list {
 	struct udp_position at; /* first word not yet in a datagram */
 };
 
+#define UDP_COMPILED 128
+
+/* A list that fits one datagram, as the last begin sent it. A cycle's list is the same each time, so its
+ * datagram is made once and then only gets new data and a new number. */
+struct udp_compiled {
+	size_t count; /* 0: none. The datagram is window[0]. */
+	hm2_transfer transfers[UDP_COMPILED];
+	uint16_t data_at[UDP_COMPILED]; /* of a write: where its words stand */
+	struct udp_position end;
+};
+
 struct hm2_udp {
 	int socket;
 	hm2_udp_config config;
@@ -45,6 +56,7 @@ struct hm2_udp {
 	int probe_pending;   /* asked and not answered */
 	int probes;          /* answers in a row that say "not carried out" */
 	struct udp_list list;
+	struct udp_compiled compiled;
 	uint8_t *raw; /* where the reply of hm2_udp_lbp16 goes; NULL for a list */
 	int sent, unanswered;
 	struct udp_datagram window[UDP_WINDOW];
@@ -60,6 +72,11 @@ void udp_datagram_close(struct udp_datagram *datagram);
 void udp_datagram_number(struct udp_datagram *datagram, uint32_t sequence);
 /* As many transfers as fit, from list->at, which moves. Opens and closes. */
 void udp_datagram_pack(struct udp_datagram *datagram, struct udp_list *list);
+/* Remember the list if it is in this datagram whole; forget what was remembered if not. */
+void udp_datagram_compile(struct udp_compiled *compiled, const struct udp_datagram *datagram,
+                          const struct udp_list *list);
+int udp_datagram_same(const struct udp_compiled *compiled, const struct udp_list *list);
+void udp_datagram_refill(struct udp_datagram *datagram, const struct udp_compiled *compiled);
 /* The words of a reply into the list's transfers. */
 void udp_datagram_unpack(const struct udp_datagram *datagram, const struct udp_list *list, const uint8_t *reply);
 /* Take out every write but its number: what is left may be asked for again. */

@@ -20,7 +20,7 @@ uint32_t udp_get32(const uint8_t *bytes)
 	return (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
 }
 
-static void put32(uint8_t *bytes, uint32_t value)
+static inline void put32(uint8_t *bytes, uint32_t value)
 {
 	for (int i = 0; i < 4; i++)
 		bytes[i] = (uint8_t)(value >> 8 * i);
@@ -118,6 +118,48 @@ void udp_datagram_pack(struct udp_datagram *datagram, struct udp_list *list)
 	}
 	datagram->end = *at;
 	udp_datagram_close(datagram);
+}
+
+void udp_datagram_compile(struct udp_compiled *compiled, const struct udp_datagram *datagram,
+                          const struct udp_list *list)
+{
+	size_t at = 4; /* behind the read of the last number */
+
+	compiled->count = 0;
+	if (list->count > UDP_COMPILED || list->at.transfer < list->count)
+		return;
+	for (size_t i = 0; i < list->count; i++) {
+		const hm2_transfer *transfer = &list->transfers[i];
+
+		if (transfer->count > HM2_LBP16_MAX_COUNT)
+			return; /* more than one command */
+		compiled->transfers[i] = *transfer;
+		compiled->data_at[i] = (uint16_t)(at + 4);
+		at += transfer->flags & HM2_TRANSFER_WRITE ? 4 + 4 * (size_t)transfer->count : 4;
+	}
+	compiled->end = datagram->end;
+	compiled->count = list->count;
+}
+
+int udp_datagram_same(const struct udp_compiled *compiled, const struct udp_list *list)
+{
+	/* the structure has no padding: equal lists are equal bytes */
+	return compiled->count && compiled->count == list->count &&
+	       memcmp(compiled->transfers, list->transfers, list->count * sizeof *list->transfers) == 0;
+}
+
+void udp_datagram_refill(struct udp_datagram *datagram, const struct udp_compiled *compiled)
+{
+	for (size_t i = 0; i < compiled->count; i++) {
+		const hm2_transfer *transfer = &compiled->transfers[i];
+		uint8_t *to = datagram->bytes + compiled->data_at[i];
+
+		if (!(transfer->flags & HM2_TRANSFER_WRITE))
+			continue;
+		for (uint32_t n = 0; n < transfer->count; n++, to += 4)
+			put32(to, transfer->words[n]);
+	}
+	datagram->answered = 0;
 }
 
 void udp_datagram_unpack(const struct udp_datagram *datagram, const struct udp_list *list, const uint8_t *reply)

@@ -39,12 +39,26 @@ int udp_send_datagram(struct hm2_udp *udp, struct udp_datagram *datagram, hm2_er
 	return udp_send_bytes(udp, datagram->bytes, datagram->length, error);
 }
 
+static int send_compiled(struct hm2_udp *udp, hm2_error *error)
+{
+	struct udp_datagram *datagram = &udp->window[0];
+
+	udp_datagram_refill(datagram, &udp->compiled);
+	udp->list.at = udp->compiled.end;
+	udp->sent = udp->unanswered = 1;
+	datagram->first = udp->sequence + 1;
+	return udp_send_datagram(udp, datagram, error);
+}
+
 int udp_send_window(struct hm2_udp *udp, hm2_error *error)
 {
 	int status = HM2_OK;
 
 	udp->sent = udp->unanswered = 0;
 	udp->probe_pending = udp->probes = 0;
+	if (udp->list.at.transfer == 0 && udp->list.at.word == 0 && udp_datagram_same(&udp->compiled, &udp->list))
+		return send_compiled(udp, error);
+	udp->compiled.count = 0;
 	while (status == HM2_OK && udp->sent < UDP_WINDOW && udp->list.at.transfer < udp->list.count) {
 		struct udp_datagram *datagram = &udp->window[udp->sent++];
 
@@ -53,6 +67,8 @@ int udp_send_window(struct hm2_udp *udp, hm2_error *error)
 		datagram->first = udp->sequence + 1;
 		status = udp_send_datagram(udp, datagram, error);
 	}
+	if (udp->sent == 1)
+		udp_datagram_compile(&udp->compiled, &udp->window[0], &udp->list);
 	return status;
 }
 

@@ -71,6 +71,7 @@ int udp_retry_answered(struct hm2_udp *udp, hm2_error *error)
 		if (datagram->once)
 			return HM2_OK; /* a FIFO has given its words: they are gone, the deadline says so */
 		udp_datagram_strip(datagram);
+		udp->compiled.count = 0; /* it was this datagram */
 		udp->probes = 0;
 		return resend(udp, datagram, error);
 	}

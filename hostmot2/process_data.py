@@ -114,6 +114,11 @@ class ProcessData:
                 sources.append(Source(prefix + element.name, row, element, scaling, partner))
         return sources
 
+    @property
+    def plan(self) -> Any:
+        """The `struct hm2_process_data *`, for calls into the C core."""
+        return self._plan
+
     def _bind(self, name: str) -> Callable[[], None]:
         """A call that takes the time of the work: handing over the interpreter lock would take longer."""
         function = int(ffi.cast("uintptr_t", ffi.addressof(lib, name)))

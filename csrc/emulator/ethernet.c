@@ -38,18 +38,18 @@ void ethernet_wait_us(struct hm2_ethernet *ethernet, int64_t us)
 	enter(ethernet);
 }
 
-static uint32_t plain_read(void *self, uint32_t address)
+static void plain_read(void *self, uint32_t address, uint32_t *words, size_t count)
 {
 	struct hm2_ethernet *ethernet = self;
 
-	return ethernet->plain[(address & 0xFFFF) / 4];
+	memcpy(words, &ethernet->plain[address / 4], 4 * count);
 }
 
-static void plain_write(void *self, uint32_t address, uint32_t value)
+static void plain_write(void *self, uint32_t address, const uint32_t *words, size_t count)
 {
 	struct hm2_ethernet *ethernet = self;
 
-	ethernet->plain[(address & 0xFFFF) / 4] = value;
+	memcpy(&ethernet->plain[address / 4], words, 4 * count);
 }
 
 /* Everything that lives in RAM; the EEPROM is read again. FPGA registers are not touched. */
@@ -145,13 +145,13 @@ void hm2_ethernet_power_up(struct hm2_ethernet *ethernet)
 	pthread_mutex_unlock(&ethernet->mutex);
 }
 
-static void put_element(uint8_t *to, uint32_t value, unsigned size)
+static inline void put_element(uint8_t *to, uint32_t value, unsigned size)
 {
 	for (unsigned i = 0; i < size; i++)
 		to[i] = (uint8_t)(value >> 8 * i);
 }
 
-static uint32_t get_element(const uint8_t *from, unsigned size)
+static inline uint32_t get_element(const uint8_t *from, unsigned size)
 {
 	uint32_t value = 0;
 
@@ -182,6 +182,60 @@ static int element(struct hm2_ethernet *ethernet, const hm2_lbp16_command *comma
 }
 
 /* Reply bytes are counted past the buffer's end: the size check comes when the packet is done. */
+static void reply_element(uint8_t *reply, size_t *length, uint32_t value, unsigned size)
+{
+	if (*length + size <= HM2_LBP16_MAX_PAYLOAD)
+		put_element(reply + *length, value, size);
+	*length += size;
+}
+
+static void reply_words(uint8_t *reply, size_t *length, const uint32_t *words, uint32_t count)
+{
+	uint8_t *to = reply + *length;
+
+	*length += 4 * (size_t)count;
+	if (*length > HM2_LBP16_MAX_PAYLOAD)
+		return; /* the whole reply is lost */
+	for (uint32_t i = 0; i < count; i++, to += 4)
+		put_element(to, words[i], 4);
+}
+
+/* Words of the register file up to its end, or one when the address stays. */
+static uint32_t registers_at_once(const hm2_lbp16_command *command, uint32_t address, uint32_t left)
+{
+	const uint32_t room = (ETHERNET_REGISTER_FILE - address) / 4;
+
+	if (!command->increment)
+		return 1;
+	return left < room ? left : room;
+}
+
+/* Space 0, in runs of words: this is what a cycle is made of. */
+static void run_registers(struct hm2_ethernet *ethernet, const hm2_lbp16_command *command, const uint8_t *data,
+                          uint8_t *reply, size_t *reply_length)
+{
+	const hm2_ethernet_card *card = &ethernet->card;
+	uint32_t words[HM2_LBP16_MAX_COUNT];
+	uint32_t left = command->count;
+
+	while (left) {
+		const uint32_t address = ethernet->pointer[0] & 0xFFFCu;
+		const uint32_t count = registers_at_once(command, address, left);
+
+		if (command->write) {
+			for (uint32_t i = 0; i < count; i++, data += 4)
+				words[i] = get_element(data, 4);
+			card->write(card->self, address, words, count);
+		} else {
+			card->read(card->self, address, words, count);
+			reply_words(reply, reply_length, words, count);
+		}
+		if (command->increment)
+			ethernet->pointer[0] = (uint16_t)(ethernet->pointer[0] + 4 * count);
+		left -= count;
+	}
+}
+
 static int run(struct hm2_ethernet *ethernet, const hm2_lbp16_command *command, const uint8_t *data, uint8_t *reply,
                size_t *reply_length)
 {
@@ -194,6 +248,10 @@ static int run(struct hm2_ethernet *ethernet, const hm2_lbp16_command *command, 
 
 	if (command->has_address)
 		*pointer = command->address;
+	if (!command->info && command->space == 0) {
+		run_registers(ethernet, command, data, reply, reply_length);
+		return 0;
+	}
 	address = *pointer;
 	for (unsigned i = 0; i < command->count; i++) {
 		uint32_t value = command->write ? get_element(data + i * size, size) : 0;
@@ -201,11 +259,8 @@ static int run(struct hm2_ethernet *ethernet, const hm2_lbp16_command *command, 
 
 		if (fault)
 			return fault;
-		if (!command->write) {
-			if (*reply_length + size <= HM2_LBP16_MAX_PAYLOAD)
-				put_element(reply + *reply_length, value, size);
-			*reply_length += size;
-		}
+		if (!command->write)
+			reply_element(reply, reply_length, value, size);
 		if (advances) {
 			address = (uint16_t)(address + size);
 			*pointer = (uint16_t)(*pointer + step);
@@ -280,17 +335,24 @@ static size_t packet(struct hm2_ethernet *ethernet, const uint8_t *request, size
 		return 0;
 	}
 	if (reply_length) {
-		const uint16_t now = (uint16_t)ethernet_now_us();
-
 		ethernet->status[STATUS_TX_ALL]++;
 		ethernet->status[STATUS_TX_LBP]++;
-		ethernet->information[HM2_LBP16_BOARD_TX_START / 2] = ethernet->information[HM2_LBP16_BOARD_TX_END / 2] = now;
-		ethernet->status[STATUS_PACKET_TIME] = (uint16_t)(now - (uint16_t)start);
 	}
 	return reply_length;
 }
 
-size_t hm2_ethernet_process(struct hm2_ethernet *ethernet, const uint8_t *request, size_t length, uint8_t *reply)
+void ethernet_sent(struct hm2_ethernet *ethernet)
+{
+	const uint16_t now = (uint16_t)ethernet_now_us();
+	uint16_t *information = ethernet->information;
+
+	pthread_mutex_lock(&ethernet->mutex);
+	information[HM2_LBP16_BOARD_TX_START / 2] = information[HM2_LBP16_BOARD_TX_END / 2] = now;
+	ethernet->status[STATUS_PACKET_TIME] = (uint16_t)(now - information[HM2_LBP16_BOARD_RX_START / 2]);
+	pthread_mutex_unlock(&ethernet->mutex);
+}
+
+size_t ethernet_handle(struct hm2_ethernet *ethernet, const uint8_t *request, size_t length, uint8_t *reply)
 {
 	const int64_t start = ethernet_now_us();
 	size_t reply_length = 0;
@@ -309,5 +371,14 @@ size_t hm2_ethernet_process(struct hm2_ethernet *ethernet, const uint8_t *reques
 		}
 	}
 	pthread_mutex_unlock(&ethernet->mutex);
+	return reply_length;
+}
+
+size_t hm2_ethernet_process(struct hm2_ethernet *ethernet, const uint8_t *request, size_t length, uint8_t *reply)
+{
+	const size_t reply_length = ethernet_handle(ethernet, request, length, reply);
+
+	if (reply_length)
+		ethernet_sent(ethernet);
 	return reply_length;
 }

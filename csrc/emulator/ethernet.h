@@ -73,6 +73,9 @@ struct hm2_ethernet {
 };
 
 int64_t ethernet_now_us(void);
+/* hm2_ethernet_process in two halves, so that the reply need not wait for its own time stamps. */
+size_t ethernet_handle(struct hm2_ethernet *ethernet, const uint8_t *request, size_t length, uint8_t *reply);
+void ethernet_sent(struct hm2_ethernet *ethernet);
 /* The card's lock is let go meanwhile. */
 void ethernet_wait_us(struct hm2_ethernet *ethernet, int64_t us);
 

@@ -3,21 +3,25 @@
 #include "dpll.h"
 #include "ethernet.h"
 
-static uint32_t card_read(void *self, uint32_t address)
+/* A packet is one moment: the clock is looked at once, when it begins. */
+static void card_enter(void *self)
 {
-	uint32_t word = 0;
+	card_touch(self);
+}
+
+static void card_read(void *self, uint32_t address, uint32_t *words, size_t count)
+{
 	hm2_error error;
 
 	/* addresses are aligned and in range; a strict card's undecoded word reads as on any other card */
-	hm2_emulator_read(self, address, &word, 1, &error);
-	return word;
+	card_read_words(self, address, words, count, &error);
 }
 
-static void card_write(void *self, uint32_t address, uint32_t value)
+static void card_write(void *self, uint32_t address, const uint32_t *words, size_t count)
 {
 	hm2_error error;
 
-	hm2_emulator_write(self, address, &value, 1, &error);
+	card_write_words(self, address, words, count, &error);
 }
 
 static void card_pause_us(void *self, int64_t us)
@@ -26,6 +30,7 @@ static void card_pause_us(void *self, int64_t us)
 
 	hm2_emulator_bus(self, &bus);
 	bus.pause_ns(bus.self, us * 1000);
+	card_touch(self);
 }
 
 /* A real clock runs by itself; sleeping would miss the edge by more than the wait is good for. */
@@ -60,6 +65,7 @@ void hm2_ethernet_emulator(struct hm2_emulator *card, hm2_ethernet_card *out)
 		.self = card,
 		.read = card_read,
 		.write = card_write,
+		.enter = card_enter,
 		.wait_edge = card_wait_edge,
 		.pause_us = card_pause_us,
 	};

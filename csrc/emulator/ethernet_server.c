@@ -23,6 +23,7 @@ struct hm2_ethernet_server {
 	int running;
 	atomic_int stopping;
 	pthread_mutex_t mutex; /* fault lines */
+	atomic_int faulty;     /* faults have been asked for: without any, the lines are not looked at */
 	struct fault_line lines[2];
 	atomic_uint_least64_t requests, replies, send_errors;
 	fault_datagram in, out, due;
@@ -107,7 +108,7 @@ static void serve(struct hm2_ethernet_server *server, const fault_datagram *requ
 	struct fault_line *line = &server->lines[HM2_ETHERNET_REPLIES];
 
 	server->out.length =
-		hm2_ethernet_process(server->ethernet, request->bytes, request->length, server->out.bytes);
+		ethernet_handle(server->ethernet, request->bytes, request->length, server->out.bytes);
 	if (server->out.length == 0)
 		return;
 	server->out.peer = request->peer;
@@ -115,6 +116,7 @@ static void serve(struct hm2_ethernet_server *server, const fault_datagram *requ
 		fault_put(line, &server->out, ethernet_now_us());
 	else
 		send_reply(server, &server->out);
+	ethernet_sent(server->ethernet);
 }
 
 static void serve_due(struct hm2_ethernet_server *server)
@@ -141,6 +143,10 @@ static int receive(struct hm2_ethernet_server *server)
 		return 0;
 	in->length = (size_t)length;
 	atomic_fetch_add_explicit(&server->requests, 1, memory_order_relaxed);
+	if (!atomic_load_explicit(&server->faulty, memory_order_acquire)) {
+		serve(server, in);
+		return 1;
+	}
 	pthread_mutex_lock(&server->mutex);
 	if (fault_active(line))
 		fault_put(line, in, ethernet_now_us());
@@ -177,17 +183,20 @@ static void sleep_until(struct hm2_ethernet_server *server, int64_t due_us)
 static void *thread_main(void *argument)
 {
 	struct hm2_ethernet_server *server = argument;
-	int64_t spin_until = 0;
+	int64_t spin_until = INT64_MAX; /* INT64_MAX: since the last datagram nobody has looked at the clock */
 
 	while (!atomic_load_explicit(&server->stopping, memory_order_acquire)) {
-		int64_t due;
+		const int received = receive(server);
+		int64_t due = INT64_MAX;
 
-		if (receive(server)) {
-			spin_until = ethernet_now_us() + server->spin_us;
-			due = server->lines[0].waiting || server->lines[1].waiting ? turn(server) : INT64_MAX;
+		if (server->lines[0].waiting || server->lines[1].waiting)
+			due = turn(server);
+		if (received) {
+			spin_until = INT64_MAX;
 			continue;
 		}
-		due = turn(server);
+		if (spin_until == INT64_MAX)
+			spin_until = ethernet_now_us() + server->spin_us;
 		if (ethernet_now_us() >= spin_until)
 			sleep_until(server, due);
 	}
@@ -261,6 +270,9 @@ void hm2_ethernet_server_set_fault(struct hm2_ethernet_server *server, int direc
 {
 	pthread_mutex_lock(&server->mutex);
 	server->lines[direction & 1].fault = *fault;
+	/* never back to 0: what waits in a line must come out of it */
+	if (fault_active(&server->lines[direction & 1]))
+		atomic_store_explicit(&server->faulty, 1, memory_order_release);
 	pthread_mutex_unlock(&server->mutex);
 }
 

@@ -26,13 +26,13 @@ static int out_of_range(int space, uint16_t address)
 	return spaces[space].limit && address >= spaces[space].limit;
 }
 
+/* Space 0 never comes here: see run_registers. */
 int ethernet_space_read(struct hm2_ethernet *ethernet, int space, uint16_t address, uint32_t *value)
 {
 	if (out_of_range(space, address))
 		return HM2_LBP16_ERROR_MEMORY;
 	*value = 0;
 	switch (space) {
-	case 0: *value = ethernet->card.read(ethernet->card.self, address & 0xFFFCu); return 0;
 	case 1: return 0; /* the network chip's own registers */
 	case 2: *value = ethernet->eeprom[address / 2]; return 0;
 	case 3: return ethernet_flash_access_read(ethernet, address, value);
@@ -50,7 +50,6 @@ int ethernet_space_write(struct hm2_ethernet *ethernet, int space, uint16_t addr
 	if (out_of_range(space, address))
 		return HM2_LBP16_ERROR_MEMORY;
 	switch (space) {
-	case 0: ethernet->card.write(ethernet->card.self, address & 0xFFFCu, value); return 0;
 	case 1: return 0;
 	case 2: return ethernet_eeprom_write(ethernet, address, (uint16_t)value);
 	case 3: return ethernet_flash_access_write(ethernet, address, value);

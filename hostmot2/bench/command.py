@@ -14,6 +14,10 @@ from hostmot2.bench.report import Report, compare, document
 
 # name: module with `run(count: int | None) -> Report`, what it measures
 BENCHMARKS = {
+    "rtt": (
+        "hostmot2.bench.rtt",
+        "Ethernet: cycles beside bare exchanges, the emulated card beside a bare answerer",
+    ),
     "pack": ("hostmot2.bench.pack", "process data: unpack, pack and bulk decode beside other packages"),
     "doit": ("hostmot2.bench.doit", "smart serial exchanges from Python on the emulated card"),
 }

@@ -9,20 +9,23 @@ int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t length);
 
 static uint32_t words[0x4000];
 
-static uint32_t read_word(void *self, uint32_t address)
+static uint32_t *place(uint32_t address, size_t count)
 {
-	(void)self;
-	if (address % 4 || address > 0xFFFC)
+	if (address % 4 || address > 0xFFFC || count > (0x10000 - address) / 4)
 		abort();
-	return words[address / 4];
+	return words + address / 4;
 }
 
-static void write_word(void *self, uint32_t address, uint32_t value)
+static void read_words(void *self, uint32_t address, uint32_t *to, size_t count)
 {
 	(void)self;
-	if (address % 4 || address > 0xFFFC)
-		abort();
-	words[address / 4] = value;
+	memcpy(to, place(address, count), 4 * count);
+}
+
+static void write_words(void *self, uint32_t address, const uint32_t *from, size_t count)
+{
+	(void)self;
+	memcpy(place(address, count), from, 4 * count);
 }
 
 static void pass_time(void *self, int64_t us)
@@ -36,7 +39,7 @@ static struct hm2_ethernet *engine(int efinix)
 {
 	const hm2_ethernet_config config = {.name = "7I92", .jumpers = 1, .flash_id = 0x10, .lbp_version = 3,
 	                                    .firmware_version = 15, .efinix = (uint8_t)efinix};
-	const hm2_ethernet_card card = {.read = read_word, .write = write_word, .pause_us = pass_time};
+	const hm2_ethernet_card card = {.read = read_words, .write = write_words, .pause_us = pass_time};
 
 	return hm2_ethernet_new(&config, &card);
 }
