@@ -117,7 +117,7 @@ static int time_out(struct hm2_sslbp *s, int channel)
 	case HM2_COM_STATE_UNIT_NUMBER_GET:
 		if (setup)
 			*state = HM2_COM_STATE_NAME_0_SEND;
-		break;
+		return COST_ERROR + COST_ERROR_STAYS;
 	case HM2_COM_STATE_DISCOVERY_GET:
 		if (setup)
 			return COST_ERROR + sslbp_ready(s, channel, HM2_COM_STATE_SETUP);
@@ -236,7 +236,9 @@ int sslbp_channel_turn(struct hm2_sslbp *s, int channel)
 	const uint8_t *block = sslbp_block(s, channel);
 	uint8_t bit = (uint8_t)(1u << channel);
 	int cost = COST_CHANNEL;
-	sslbp_uart_run(s, channel, s->cpu + COST_TO_RECEIVE);
+	int to_receive = block[HM2_SSLBP_CHANNEL_STATE] < HM2_COM_STATE_CHATTER_GET ? COST_TO_RECEIVE : COST_TO_RECEIVE_RUN;
+	if (s->wire)
+		sslbp_uart_run(s, channel, s->cpu + to_receive);
 	if (s->ram[HM2_SSLBP_LOCAL_STOP_MASK] & bit)
 		cost = initialise(s, channel);
 	else if (s->ram[HM2_SSLBP_LOCAL_STARTED_MASK] & bit)

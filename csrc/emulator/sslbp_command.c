@@ -41,8 +41,8 @@ static int local_access(struct hm2_sslbp *s)
 		complete(s, HM2_SSLBP_RESULT_INVALID);
 		return COST_DECODE_LOCAL - COST_LOCAL_DONE;
 	}
-	unsigned address = s->command & LOCAL_ADDRESS;
-	if (s->command & LOCAL_WRITE)
+	unsigned address = s->decoded & LOCAL_ADDRESS;
+	if (s->decoded & LOCAL_WRITE)
 		sslbp_ram_write(s, address, (uint8_t)s->argument);
 	else
 		s->result = sslbp_ram_read(s, address);
@@ -64,14 +64,14 @@ static int start(struct hm2_sslbp *s)
 {
 	int setup = *class_of(s) == CLASS_START_SETUP;
 	uint32_t divider = s->clock_hz / (setup ? TICK_HZ_SETUP : TICK_HZ_NORMAL);
-	uint8_t fresh = (uint8_t)(s->command & ~s->ram[HM2_SSLBP_LOCAL_STARTED_MASK]);
+	uint8_t fresh = (uint8_t)(s->decoded & ~s->ram[HM2_SSLBP_LOCAL_STARTED_MASK]);
 	sslbp_timer_set_period(s, s->cpu - (setup ? COST_TIMER_SET_SETUP : COST_TIMER_SET), divider);
 	s->ram[HM2_SSLBP_LOCAL_TIMER_DIVIDER] = (uint8_t)(divider - TIMER_CYCLES);
 	s->ram[HM2_SSLBP_LOCAL_TIMER_DIVIDER + 1] = (uint8_t)((divider - TIMER_CYCLES) >> 8);
 	s->ram[HM2_SSLBP_LOCAL_START_TYPE] = *class_of(s);
 	s->ram[HM2_SSLBP_LOCAL_START_TIMEOUT] = setup ? START_TICKS_SETUP : START_TICKS_NORMAL;
 	s->ram[HM2_SSLBP_LOCAL_RUN_TIMEOUT] = setup ? RUN_TICKS_SETUP : START_TICKS_NORMAL;
-	s->ram[HM2_SSLBP_LOCAL_STARTED_MASK] |= fresh;
+	s->ram[HM2_SSLBP_LOCAL_STARTED_MASK] |= fresh & sslbp_existing(s);
 	s->ram[HM2_SSLBP_LOCAL_NOT_READY_MASK] = fresh;
 	s->ram[HM2_SSLBP_LOCAL_NOT_STARTED_MASK] = fresh;
 	return COST_AFTER_START;
@@ -101,6 +101,7 @@ static int postpone(struct hm2_sslbp *s, int cost)
 static int decode(struct hm2_sslbp *s)
 {
 	uint8_t high = (uint8_t)(s->command >> 8);
+	s->decoded = s->command;
 	*class_of(s) = high;
 	if (high & CLASS_DOIT)
 		return doit(s);

@@ -42,11 +42,13 @@ enum sslbp_cost {
 	COST_WAIT = 65,
 	COST_WAIT_LONG = 68,
 	COST_ERROR = 4,
+	COST_ERROR_STAYS = 26, /* more, when the state is not left */
 
 	/* From the beginning of a turn to the first start bit; FIFO reads see what came this much
 	 * into the turn. */
 	COST_TO_START_BIT = 40,
-	COST_TO_RECEIVE = 24,
+	COST_TO_RECEIVE = 29,
+	COST_TO_RECEIVE_RUN = 24,
 
 	COST_TO_MEASURE = 100, /* the exchange time, from the beginning of the turn */
 	COST_BEGIN = 57,

@@ -57,6 +57,8 @@ void sslbp_ram_write(struct hm2_sslbp *s, unsigned address, uint8_t value)
 
 void sslbp_show(struct hm2_sslbp *s, int channel, int reg, uint32_t value, int64_t at)
 {
-	if (s->post_count < POSTS)
+	if (!s->wire)
+		s->shown[channel][reg] = value;
+	else if (s->post_count < POSTS)
 		s->posts[s->post_count++] = (struct sslbp_post){at, value, (uint8_t)channel, (uint8_t)reg};
 }

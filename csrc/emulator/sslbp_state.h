@@ -62,6 +62,7 @@ struct hm2_sslbp {
 
 	/* the mailbox */
 	uint16_t command;
+	uint16_t decoded; /* the command as the processor read it */
 	uint8_t doorbell;
 	uint16_t argument; /* DATA as the host wrote it */
 	uint8_t result;    /* DATA as the host reads it */
