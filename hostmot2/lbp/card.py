@@ -11,7 +11,7 @@ from hostmot2.lbp.frame import COOKIE, DISCOVERY, UNIT_NUMBER, Command
 from hostmot2.lbp.link import NORMAL_S, LineCounters
 from hostmot2.lbp.opening import SETUP_BAUD
 from hostmot2.registers import LbpHeader, LbpKind
-from hostmot2.sserial import RemoteSilent, SserialPort
+from hostmot2.sserial import NoRemote, RemoteSilent, SserialPort
 
 _ACCESS = LbpHeader.access
 
@@ -37,8 +37,26 @@ class CardLink:
         self.crc = True
 
     def open(self) -> None:
-        """Start the channel in setup mode. Raises NoRemote, PortRunning."""
-        self.port.restart_setup(self.number)
+        """Start the channel in setup mode, if need be without CRC: old 8I20s may have theirs switched off.
+
+        Raises NoRemote, PortRunning.
+        """
+        try:
+            self.port.restart_setup(self.number)
+        except NoRemote:
+            self._without_crc()
+
+    def _without_crc(self) -> None:
+        channel = self.port.channels[self.number]
+        self.port.stop()
+        channel.crc = False
+        try:
+            self.port.restart_setup(self.number)
+            self.crc = False
+        except NoRemote:
+            self.port.stop()
+            channel.crc = True
+            raise
 
     def transact(self, command: Command, timeout_s: float = NORMAL_S) -> bytes:
         """See Link.transact. SSLBP waits 50 ms; a cookie is asked for again until `timeout_s`."""
@@ -89,6 +107,8 @@ class CardLink:
     def close(self) -> None:
         """Stop the channel."""
         self.port.stop(1 << self.number)
+        if not self.crc:
+            self.port.channels[self.number].crc = True
 
 
 def open_channel(port: SserialPort, channel: int) -> LbpRemote:

@@ -17,6 +17,14 @@ def open_stream(port: str, baud: int = SETUP_BAUD) -> Stream:
 
     Raises AdapterMissing, AdapterBusy, PermissionDenied, ImportError without pyserial or pyftdi.
     """
+    try:
+        return _open(port, baud)
+    except ModuleNotFoundError as missing:
+        missing.add_note("serial lines need more packages: pip install 'hostmot2[serial]'")
+        raise
+
+
+def _open(port: str, baud: int) -> Stream:
     if port.startswith("ftdi://"):
         from hostmot2.lbp.ftdi import FtdiStream
 

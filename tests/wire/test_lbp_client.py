@@ -243,3 +243,9 @@ def test_the_watchdog_time_has_two_names() -> None:
     values["NVWATCHDOGTIME"] = 100
     assert card.get_raw("NVWatchDogTimeout") == 100
     assert values["nvwatchdogtimeout"] == 100
+
+
+def test_process_data_with_a_surplus_byte_is_no_answer(remote: LbpRemote, emulator: EmulatedRemote) -> None:
+    emulator.inject(extra=1)
+    with pytest.raises(WrongAnswer, match="more than"):
+        remote.process_data(b"abcdef", 9)
