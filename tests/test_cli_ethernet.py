@@ -7,12 +7,14 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from bitfile_samples import payload, xilinx
 
 from hostmot2.cli import main
+from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.control import ask
 from hostmot2.emulator.ethernet import EthernetCard, EthernetDescription, EthernetServer
 
@@ -73,6 +75,18 @@ def test_flash_commands(hm2, server, tmp_path: Path):
     assert hm2(*board, "write", "--yes", str(image))[0] == 6
 
 
+def test_a_reload_turns_everything_off(hm2):
+    with EmulatedBoard("7i92+7i77") as board, EthernetServer(board) as server:
+        with server.card.hold():
+            board.write(0x1100, 0x1FFFF)
+            board.write(0x1000, 0x15)
+            assert board.pin(2).level == "1"
+        assert hm2("--board", server.url, "reload", "--yes")[0] == 0
+        with server.card.hold():
+            assert {pin.level for pin in board.pins} <= {"H", "0"}
+            assert board.pin(2).level == "H"
+
+
 def test_reload_needs_yes(hm2, server):
     assert hm2("--board", server.url, "reload")[0] == 2
     assert server.card.process(bytes.fromhex("01420001")) == bytes.fromhex("fecaaa55")
@@ -90,22 +104,37 @@ def test_no_card_is_a_communication_error(hm2, server):
     assert (status, "Connection refused" in err) == (5, True)
 
 
+@contextmanager
+def emulate(*arguments: str):
+    """`hm2 emulate` as a process, and its URL."""
+    command = [sys.executable, "-c", "from hostmot2.cli import main; main()", "emulate", *arguments]
+    process = subprocess.Popen([*command, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True)
+    try:
+        ready = process.stdout.readline().split()
+        assert ready[0] == "ready"
+        yield process, ready[1]
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
 @pytest.fixture
 def emulator(tmp_path: Path):
-    """`hm2 emulate` as a process: the process, its URL, its control socket."""
+    """The process, its URL, its control socket."""
     control = tmp_path / "control"
-    command = [sys.executable, "-c", "from hostmot2.cli import main; main()", "emulate", "7i92+7i77"]
-    process = subprocess.Popen(
-        [*command, "--listen", "127.0.0.1:0", "--control", str(control), "--fault", "loss=2%,seed=3"],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    ready = process.stdout.readline().split()
-    assert ready[0] == "ready"
-    yield process, ready[1], control
-    process.kill()
-    process.wait()
-    process.stdout.close()
+    with emulate("7i92+7i77", "--control", str(control), "--fault", "loss=2%,seed=3") as (process, url):
+        yield process, url, control
+
+
+def test_a_dump_is_served_as_the_card_it_was_taken_from(hm2, tmp_path: Path):
+    file = str(tmp_path / "card.hm2dump")
+    assert hm2("--board", "emu://7i92+7i77+7i76", "dump", "-o", file)[0] == 0
+    with emulate(file) as (_, url):
+        found = json.loads(hm2("--json", "--board", url, "info")[1])
+    assert (found["name"], "stepgen" in found["modules"]) == ("7I92", True)
+    with emulate(file, "--name", "MYCARD") as (_, url):
+        assert json.loads(hm2("--json", "--board", url, "ip")[1])["card"]["name"] == "MYCARD"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

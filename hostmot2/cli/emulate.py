@@ -10,10 +10,11 @@ from typing import Any
 
 import click
 
+from hostmot2 import dump
 from hostmot2.cli.session import Session, reports
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.control import Controls, ControlServer, ask
-from hostmot2.emulator.ethernet import EthernetServer, Fault, description
+from hostmot2.emulator.ethernet import EthernetDescription, EthernetServer, Fault, description
 from hostmot2.lbp16 import PORT
 
 
@@ -33,11 +34,18 @@ def _address(_context: click.Context, _parameter: click.Parameter, text: str) ->
     return host, int(port)
 
 
+def _described(words: list[int]) -> EthernetDescription:
+    """By the IDROM's board name, unless told otherwise: MESA7I92 is a 7I92."""
+    letters = b"".join(word.to_bytes(4, "little") for word in words[3:5]).rstrip(b"\0 ")
+    return EthernetDescription(letters.decode("ascii", "replace").removeprefix("MESA"))
+
+
 @click.command()
 @click.argument("spec")
 @click.option("--listen", default="127.0.0.1", show_default=True, callback=_address, metavar="HOST[:PORT]")
 @click.option("--fault", callback=_fault, metavar="FAULTS", help="loss=1%,delay=200us,dup=1%,reorder=1%,...")
 @click.option("--control", type=click.Path(path_type=Path), help="Unix socket for `hm2 emu`.")
+@click.option("--name", help="The board's name, as clients decide by it; needed for a dump of another card.")
 @click.option("--mac", help="The card's MAC address, such as 00:60:1b:10:12:34.")
 @click.option("--ip", help="The address in the card's EEPROM.")
 @click.option("--firmware", type=click.Choice(["a", "b"]), help="Register generation.")
@@ -48,6 +56,7 @@ def emulate(
     listen: tuple[str, int],
     fault: Fault,
     control: Path | None,
+    name: str | None,
     mac: str | None,
     ip: str | None,
     firmware: str | None,
@@ -56,15 +65,19 @@ def emulate(
 ) -> None:
     """Serve an emulated Ethernet card, such as 7i92+7i77, until SIGINT or SIGTERM.
 
+    SPEC may be a register dump (FILE.hm2dump, see `hm2 dump`): the modules and pins of the card it is of.
+
     Prints one line when it is ready. It listens on loopback unless told otherwise. FAULTS act on datagrams:
     loss, dup and reorder in percent, delay and jitter with us or ms, direction=requests|replies|both,
     seed=N.
     """
-    changes: dict[str, Any] = {name: value for name, value in (("mac", mac), ("ip", ip)) if value}
-    facts = replace(description(spec), **changes)
+    given = {"name": name, "mac": mac, "ip": ip}
+    changes: dict[str, Any] = {key: value for key, value in given.items() if value}
+    words = dump.load(spec).idrom_words() if spec.endswith(".hm2dump") else None
+    facts = replace(_described(words) if words else description(spec), **changes)
     # before any thread exists: the threads inherit it, so that only sigwait below sees these
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    board = EmulatedBoard(spec, clock="real", firmware=firmware)
+    board = EmulatedBoard(words or spec, clock="real", firmware=firmware)
     server = EthernetServer(board, *listen, description=facts, spin_us=spin_us, fifo_priority=priority)
     with contextlib.ExitStack() as stack:
         stack.callback(board.close)
