@@ -499,6 +499,8 @@ int hm2_emulator_encoder_index(hm2_emulator *card, int encoder, int64_t every, i
 int hm2_emulator_encoder_preset(hm2_emulator *card, int encoder, int64_t position);
 int hm2_emulator_encoder_position(hm2_emulator *card, int encoder, int64_t *position);
 int hm2_emulator_set_mux_delay_ps(hm2_emulator *card, int64_t delay_ps);
+/* What the multiplexer of an InMux offers: bit n is the level of input n. HM2_ERR_RANGE: no such instance. */
+int hm2_emulator_inmux_set(hm2_emulator *card, int unit, uint32_t levels);
 uint32_t hm2_emulator_leds(const hm2_emulator *card);    /* bit n: LED CRn+1 is lit */
 int hm2_emulator_interrupt(hm2_emulator *card);          /* 1: INT is asserted */
 /* ---- encoders (encoder.c, encoder_index.c): 16-bit counts and timestamps made whole ------- */
@@ -1141,6 +1143,30 @@ typedef struct hm2_stepgens {
 } hm2_stepgens;
 
 void hm2_stepgens_part(hm2_stepgens *stepgens, hm2_cyclic *part);
+
+/* ---- field inputs InM and InMux (field_input.c): counts extended to 64 bits ------------------ */
+
+
+
+/* One instance; the caller owns it and zeroes it first. */
+typedef struct hm2_field_input {
+	uint32_t filtered, raw, mpg; /* words of the exchange: inputs, and four counters of 8 bits */
+	int64_t counts[4]; /* since the first update */
+	uint32_t last_mpg;
+	int32_t valid;
+} hm2_field_input;
+
+/* Takes in the mpg word. Moves of 128 counts and more between two updates cannot be told from shorter ones. */
+void hm2_field_input_update(hm2_field_input *input);
+
+typedef struct hm2_field_inputs {
+	hm2_field_input *inputs;
+	uint32_t count;
+	uint32_t filtered_address, raw_address, mpg_address; /* of instance 0 */
+	uint32_t instance_stride;
+} hm2_field_inputs;
+
+void hm2_field_inputs_part(hm2_field_inputs *inputs, hm2_cyclic *part);
 
 /* ---- recording (record_ring.c): one record per cycle, from the cycle's thread to a writer ----- */
 

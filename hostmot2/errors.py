@@ -24,6 +24,7 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |    +-- UnsupportedFirmware
      |    +-- PinInUse
      |    +-- WatchdogBite
+     |    +-- FaultPresent
      |    +-- IdromError
      |         +-- WrongCookie
      |         +-- WrongConfigName
@@ -247,6 +248,13 @@ class WatchdogBite(BoardError):
 
     code = "HM2-E041"
     fix = "Find out what kept the host from its exchanges, then call watchdog.acknowledge()."
+
+
+class FaultPresent(BoardError):
+    """Something was to be enabled while its fault input is active; it stays off. index: the instance."""
+
+    code = "HM2-E044"
+    fix = "Remove the cause of the fault, check the fault input's polarity, then enable again."
 
 
 class IdromError(BoardError):

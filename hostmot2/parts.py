@@ -19,4 +19,10 @@ PARTS: dict[str, tuple[str, str]] = {
     "stepgens": ("hostmot2.modules.stepgen", "Stepgens"),
     "pwmgens": ("hostmot2.modules.pwmgen", "Pwmgens"),
     "dpll": ("hostmot2.modules.dpll", "Dpll"),
+    "tp_pwms": ("hostmot2.modules.tp_pwm", "TpPwms"),
+    "rcpwms": ("hostmot2.modules.rcpwm", "Rcpwms"),
+    "ssrs": ("hostmot2.modules.outputs", "Ssrs"),
+    "outms": ("hostmot2.modules.outputs", "Outms"),
+    "inms": ("hostmot2.modules.field_input", "Inms"),
+    "inmuxes": ("hostmot2.modules.field_input", "Inmuxes"),
 }

@@ -17,6 +17,10 @@ extern const struct card_module_type ssr_type;
 extern const struct card_module_type outm_type;
 extern const struct card_module_type sserial_type;
 extern const struct card_module_type sserial_b_type;
+extern const struct card_module_type rcpwm_type;
+extern const struct card_module_type tp_pwm_type;
+extern const struct card_module_type inm_type;
+extern const struct card_module_type inmux_type;
 
 /* ioport.c */
 struct ioport {
@@ -43,6 +47,9 @@ int ioport_reads_high(struct ioport *port, int pin);
 int ioport_follows(const struct ioport *port, int pin);
 /* Driven by its module's function: alternate source on, direction out, not inverted. */
 int ioport_is_switched(const struct ioport *port, int pin, int output);
+
+/* The pin of a module's function, its own or shared by all units; -1: none. */
+int card_pin_of(const struct hm2_emulator *card, int tag, int unit, int number);
 
 /* irq.c */
 int irq_asserted(const struct card_module *module);

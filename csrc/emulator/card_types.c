@@ -15,6 +15,10 @@ static const struct card_module_type *const types[] = {
 	&outm_type,
 	&sserial_type,
 	&sserial_b_type,
+	&rcpwm_type,
+	&tp_pwm_type,
+	&inm_type,
+	&inmux_type,
 };
 
 const struct card_module_type *card_module_type(uint8_t gtag)

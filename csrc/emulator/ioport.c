@@ -22,6 +22,17 @@ static void ioport_destroy(void *self)
 	free(self);
 }
 
+int card_pin_of(const struct hm2_emulator *card, int tag, int unit, int number)
+{
+	for (int i = 0; i < card->pin_count; i++) {
+		const struct card_pin *pin = &card->pins[i];
+		int same_unit = pin->unit == unit || (pin->unit & CARD_SHARED_UNIT);
+		if (pin->tag == tag && pin->number == number && same_unit)
+			return i;
+	}
+	return -1;
+}
+
 static int module_output(struct ioport *port, int pin)
 {
 	const struct card_pin *p = &port->card->pins[pin];

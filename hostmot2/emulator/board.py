@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
 from hostmot2._core import ffi, lib
 from hostmot2.emulator import catalog
 from hostmot2.emulator.cards import IDROM_WORDS, CardDescription, card
+from hostmot2.emulator.stimulus import EmulatedInmux
 from hostmot2.errors import check, new_error
+
+Stimulus = TypeVar("Stimulus")
 
 UNDRIVEN: int = lib.HM2_EMULATOR_UNDRIVEN
 """What a read gives where nothing answers."""
@@ -245,6 +248,7 @@ class EmulatedBoard:
         self._closed = False
         self._bus: Any = None
         self._plugged: set[int] = set()
+        self._stimuli: dict[tuple[object, int], Any] = {}
         self._kept: list[object] = []
         self._mux_delay_ns = 5.0
         self.sserial: list[EmulatedSserialPort] = []
@@ -345,6 +349,17 @@ class EmulatedBoard:
             lib.hm2_emulator_encoder_plug(self.handle, number, 1)
             self._plugged.add(number)
         return EmulatedEncoder(self, number)
+
+    def _stimulus(self, kind: Callable[[Any, int], Stimulus], unit: int) -> Stimulus:
+        """One object per instance, made when first asked for."""
+        if (kind, unit) not in self._stimuli:
+            self._stimuli[kind, unit] = kind(self.handle, unit)
+        stimulus: Stimulus = self._stimuli[kind, unit]
+        return stimulus
+
+    def inmux(self, unit: int) -> EmulatedInmux:
+        """What hangs on InMux instance `unit`. Raises IndexError when the card has none."""
+        return self._stimulus(EmulatedInmux, unit)
 
     @property
     def mux_delay_ns(self) -> float:

@@ -39,6 +39,7 @@ class Ioport:
         self.ports = self._module.instances
         self._words = {register: [0] * self.ports for register in _WRITE_ORDER}
         self._owners: dict[int, str] = {}
+        self._off_after_bite: set[int] = set()
         self._pads: Any = ffi.new("uint32_t[]", self.ports)
         self._latches: Any = ffi.new("uint32_t[]", self.ports)
         self._read = self._part(self._pads, lib.HM2_TRANSFER_READ)
@@ -61,12 +62,17 @@ class Ioport:
     def _address(self, register: int) -> int:
         return self._module.register_address(register)
 
-    def claim(self, pins: Iterable[PinDescriptor], owner: str) -> None:
+    def claim(self, pins: Iterable[PinDescriptor], owner: str, *, after_bite: bool = True) -> None:
         """Switch pins to their secondary function; outputs are driven by it from now on.
 
-        Idempotent for the same owner. Raises PinInUse if another owner has one of them.
+        after_bite: False for functions without an off state of their own: a watchdog bite leaves their
+        outputs off until they are claimed anew. Idempotent for the same owner. Raises PinInUse if another
+        owner has one of them.
         """
+        pins = list(pins)
         self._own(pins, owner, self._switch)
+        if not after_bite:
+            self._off_after_bite.update(pin.index for pin in pins)
 
     def take(self, pins: Iterable[PinDescriptor], owner: str) -> None:
         """Reserve pins without switching them: they stay as they are. Raises PinInUse."""
@@ -97,6 +103,7 @@ class Ioport:
         with self._board.lock:
             for pin in pins:
                 self._owners.pop(pin.index, None)
+                self._off_after_bite.discard(pin.index)
                 for register in _WRITE_ORDER:
                     self._put(register, pin, False)
             self._flush()
@@ -184,10 +191,9 @@ class Ioport:
             self._board.write(self._address(register), self._words[register])
 
     def _restore(self) -> None:
-        """GPIO outputs stay off after a bite; module pins go back to their module, whose outputs are off."""
-        pins = self._board.pins
-        for pin in pins:
-            if self._get(_DDR, pin) and not self._get(_ALT, pin):
+        """GPIO outputs stay off after a bite; pins of a module that can be off itself go back to it."""
+        for pin in self._board.pins:
+            if not self._get(_ALT, pin) or pin.index in self._off_after_bite:
                 self._put(_DDR, pin, False)
                 self._put(_OPEN_DRAIN, pin, False)
         self._flush()
