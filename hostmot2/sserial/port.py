@@ -300,8 +300,16 @@ class SserialPort(PortMemory):
 
     def read_status(self, channel: int) -> ChannelStatus:
         """The channel's CS register, read now."""
-        address = self._module.register_address(Sserial.cs.number, self._instance, channel)
-        return ChannelStatus(self._board.read(address))
+        return ChannelStatus(self._board.read(self.register_address(Sserial.cs.number, channel)))
+
+    def register_address(self, register: int, channel: int = 0) -> int:
+        """The byte address of one of the port's registers; `register` as in `registers.Sserial`."""
+        return self._module.register_address(register, self._instance, channel)
+
+    @property
+    def data_registers(self) -> int:
+        """How many registers a channel has for process data, 3 or 7."""
+        return self._core.registers
 
     def look_if_stopped(self, channel: int) -> None:
         """Look at the channels once, if that disturbs nothing, so that their elements are known."""

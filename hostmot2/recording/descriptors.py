@@ -1,0 +1,233 @@
+"""The process data of a card's remotes as an attachment, so that raw words can be decoded later."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+import numpy as np
+import numpy.typing as npt
+
+from hostmot2.bulk import Columns
+from hostmot2.fields import Direction, Field, FieldKind
+from hostmot2.layout import Element, Layout
+from hostmot2.process_data import ProcessData
+from hostmot2.recording.errors import BrokenRecording
+from hostmot2.registers import Sserial
+
+if TYPE_CHECKING:
+    from hostmot2.board import Board
+    from hostmot2.sserial import SserialPort
+
+WORDS = 7  # interface registers of a channel, at most
+
+
+class ElementText(msgspec.Struct):
+    """A field of a channel's process data, with the scaling that was in use. Limits null: not limited."""
+
+    name: str
+    kind: int
+    bits: int
+    direction: int
+    minimum: float
+    maximum: float
+    unit: str
+    input_scale: float | None = None
+    output_scale: float | None = None
+    output_low: float | None = None
+    output_high: float | None = None
+    input_invert: int = 0
+    output_invert: int = 0
+
+
+class ChannelText(msgspec.Struct):
+    """A channel: who is on it and where its registers are."""
+
+    channel: int
+    name: str
+    unit_number: int
+    mode: int
+    status_register: int
+    registers: list[int]
+    fields: list[ElementText]
+
+
+class PortText(msgspec.Struct):
+    """A smart-serial port."""
+
+    port: int
+    command_register: int
+    data_register: int
+    started: int
+    channels: list[ChannelText]
+
+
+class DescriptorsText(msgspec.Struct):
+    """The attachment."""
+
+    board: str
+    url: str
+    ports: list[PortText]
+
+
+def describe(board: Board) -> bytes:
+    """The attachment for a board whose ports have been started. Reads nothing from the card."""
+    ports = _ports(board) if any(m.gtag in _SSERIAL for m in board.modules) else []
+    return msgspec.json.encode(DescriptorsText(board.idrom.board_name, board.url, ports))
+
+
+_SSERIAL = (0xC1, 0xC2)
+
+
+def _ports(board: Board) -> list[PortText]:
+    return [_port(board, port) for port in board.sserial]
+
+
+def _port(board: Board, port: SserialPort) -> PortText:
+    def address(register: int, channel: int = 0) -> int:
+        return port.register_address(register, channel)
+
+    data = port.process_data
+    channels = []
+    for number, layout in data.layouts.items():
+        channel = port.channels[number]
+        channels.append(
+            ChannelText(
+                channel=number,
+                name=channel.name,
+                unit_number=channel.unit_number,
+                mode=channel.mode,
+                status_register=address(Sserial.cs.number, number),
+                registers=[address(Sserial.user0.number + k, number) for k in range(port.data_registers)],
+                fields=[_field(field, data, number) for field in layout.fields],
+            )
+        )
+    command, result = address(Sserial.command.number), address(Sserial.data.number)
+    return PortText(port.number, command, result, port.started, channels)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _field(field: Field, data: ProcessData, channel: int) -> ElementText:
+    text = ElementText(
+        field.name,
+        int(field.kind),
+        field.bits,
+        int(field.direction),
+        field.minimum,
+        field.maximum,
+        field.unit,
+    )
+    if field.kind is FieldKind.PAD:
+        return text
+    if field.name in data.inputs[channel] and field.direction is not Direction.OUTPUT:
+        scaling = data.inputs[channel].scaling(field.name)
+        text.input_scale, text.input_invert = scaling.scale, scaling.invert
+    if field.name in data.outputs[channel] and field.direction is not Direction.INPUT:
+        scaling = data.outputs[channel].scaling(field.name)
+        text.output_scale, text.output_invert = scaling.scale, scaling.invert
+        text.output_low, text.output_high = _finite(scaling.low), _finite(scaling.high)
+    return text
+
+
+@dataclass(frozen=True)
+class Descriptors:
+    """The attachment, read back."""
+
+    text: DescriptorsText
+
+    @classmethod
+    def parse(cls, data: bytes) -> Descriptors:
+        """Raises BrokenRecording for what `describe` would not have written."""
+        try:
+            text = msgspec.json.decode(data, type=DescriptorsText)
+            for port in text.ports:
+                for channel in port.channels:
+                    _check(channel)
+        except (msgspec.MsgspecError, UnicodeDecodeError, ValueError) as problem:
+            raise BrokenRecording(f"the attached descriptors cannot be read: {problem}") from problem
+        return cls(text)
+
+    def columns(
+        self, column_of: Callable[[int], npt.NDArray[np.uint32] | None], count: int, direction: Direction
+    ) -> Columns:
+        """Every element of one direction whose registers were recorded; keys as `Recording` has them.
+
+        column_of: the recorded words of a register, None if it was not recorded.
+        """
+        result: Columns = {}
+        for port in self.text.ports:
+            for channel in port.channels:
+                found = _decode(channel, column_of, count, direction)
+                result |= {f"{key_prefix(port, channel)}{name}": each for name, each in found.items()}
+        return result
+
+    def units(self, direction: Direction) -> Mapping[str, str]:
+        """Key -> unit of every element."""
+        return {
+            f"{key_prefix(port, channel)}{field.name}": field.unit
+            for port in self.text.ports
+            for channel in port.channels
+            for field in channel.fields
+            if field.direction in (direction, Direction.BIDIRECTIONAL) and field.kind != FieldKind.PAD
+        }
+
+
+def key_prefix(port: PortText, channel: ChannelText) -> str:
+    """What the key of a channel's element begins with."""
+    return f"sserial{port.port}.{channel.channel}."
+
+
+def fields_of(channel: ChannelText) -> list[Field]:
+    """The fields, as discovery found them."""
+    return [
+        Field(f.name, FieldKind(f.kind), f.bits, Direction(f.direction), f.minimum, f.maximum, f.unit)
+        for f in channel.fields
+    ]
+
+
+def _check(channel: ChannelText) -> None:
+    layout = Layout(fields_of(channel))
+    if layout.words > WORDS or not len(channel.registers) <= WORDS:
+        raise ValueError(f"channel {channel.channel} has more than {WORDS} registers")
+
+
+def _decode(
+    channel: ChannelText,
+    column_of: Callable[[int], npt.NDArray[np.uint32] | None],
+    count: int,
+    direction: Direction,
+) -> Columns:
+    layout = Layout(fields_of(channel))
+    write = 1 if direction is Direction.OUTPUT else 0
+    found = [column_of(address | write) for address in channel.registers]
+    data = ProcessData({0: layout}, words=WORDS)
+    elements: Any = data.inputs[0] if direction is Direction.INPUT else data.outputs[0]
+    for text in channel.fields:
+        _configure(text, elements, direction)
+    words = np.zeros((count, 1, WORDS), np.uint32)
+    for index, column in enumerate(found):
+        if column is not None:
+            words[:, 0, index] = column
+    decoded = data.decode(words, direction)
+    there = {index for index, column in enumerate(found) if column is not None}
+    wanted = [e for e in layout.elements if e.direction is direction and e.name in decoded]
+    return {element.name: decoded[element.name] for element in wanted if _registers(element) <= there}
+
+
+def _configure(text: ElementText, elements: Any, direction: Direction) -> None:
+    if text.name not in elements:
+        return
+    scale = text.input_scale if direction is Direction.INPUT else text.output_scale
+    invert = text.input_invert if direction is Direction.INPUT else text.output_invert
+    if scale is not None:
+        elements.configure(text.name, scale=scale, low=-math.inf, high=math.inf, invert=invert)
+
+
+def _registers(element: Element) -> set[int]:
+    return set(range(element.offset // 32, (element.offset + element.field.bits - 1) // 32 + 1))
