@@ -35,5 +35,5 @@ def test_the_jog_stops_at_the_switch(hm2_board, hm2_emulated):
 def test_a_dead_remote_is_an_error_and_not_a_motion(hm2_board, hm2_emulated):
     card = hm2_board.card("7i77")
     hm2_emulated.sserial[0].remote(1).alive = False
-    with pytest.raises(HostMot2Error, match="channel 1|0x02"):
+    with pytest.raises(HostMot2Error, match="0x02"):
         card.start()
