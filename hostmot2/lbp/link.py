@@ -14,7 +14,8 @@ NORMAL_S = 0.1
 """An ordinary command is answered within this (lbp_serial.md 2)."""
 
 SILENCE_S = 0.006
-"""Longer than the gap timer of set-up mode (25.5 characters, 2.2 ms): the remote listens afresh."""
+SILENCE_BITS = 400
+"""Both longer than the gap timer of set-up mode (255 bit times, 2.2 ms): the remote listens afresh."""
 
 BITS_PER_BYTE = 10
 QUIET_BYTES = 2
@@ -109,7 +110,8 @@ class WireLink:
             raise WrongAnswer(f"{self.url}: {stale} bytes came that nobody asked for")
         self.stream.send(self._framed(command.data))
         expected = command.reply + (1 if self.crc else 0)
-        answer = self.stream.receive(expected, timeout_s) if expected else b""
+        on_the_line_s = (len(command.data) + 1 + expected) * BITS_PER_BYTE / self.stream.baud
+        answer = self.stream.receive(expected, timeout_s + on_the_line_s) if expected else b""
         if expected and not answer:
             self.counters.silent += 1
             raise LineSilent(f"{self.url}: no answer to {command} within {timeout_s:g} s")
@@ -132,15 +134,18 @@ class WireLink:
 
     def settle(self) -> None:
         """See Link.settle."""
-        self.stream.pause(SILENCE_S)
+        self._be_silent()
         self.stream.flush()
+
+    def _be_silent(self) -> None:
+        self.stream.pause(max(SILENCE_S, SILENCE_BITS / self.stream.baud))
 
     def resync(self) -> None:
         """Silence that ends any frame, the parser reset, silence again, and an empty input."""
         self.counters.resyncs += 1
-        self.stream.pause(SILENCE_S)
+        self._be_silent()
         self.stream.send(RESET_PARSER)
-        self.stream.pause(SILENCE_S)
+        self._be_silent()
         self.stream.flush()
 
     def close(self) -> None:

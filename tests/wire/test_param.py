@@ -74,6 +74,7 @@ def test_get_and_set_through_the_card(hm2) -> None:
     assert hm2(*CARD, "param", "set", "NVBAUDRATE", "12")[0] == 2
     assert hm2(*CARD, "param", "get", "0.2", "Fault")[0] == 6  # nothing on the expansion channel
     assert hm2(*CARD, "param", "get", "0.9", "Fault")[0] == 2
+    assert hm2("param", "set", "QSETPOINT", "-5", "--port", "emu:8i20")[1] == "QSETPOINT = -5, was 0"
 
 
 def test_refused_while_the_port_runs() -> None:

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from lbp import crc8
 
 from hostmot2.cli import main
 from wire.lines import on_pty, tell
@@ -191,3 +192,35 @@ def test_a_state_of_another_remote_is_refused(hm2, tmp_path: Path) -> None:
     assert hm2("emulate-remote", "7i64", "--pty", "--state", str(state))[0] == 2
     state.write_text("{}")
     assert hm2("emulate-remote", "8i20", "--pty", "--state", str(state))[0] == 2
+
+
+def test_raw_frames_on_the_terminal_and_the_gap_timer() -> None:
+    """lbp_serial.md 2 and 4: a frame cut by more than 25.5 characters of silence is dropped unanswered."""
+    import serial
+
+    with on_pty("8i20") as (_, port), serial.Serial(port, 115200, timeout=2) as line:
+
+        def ask(*parts: str, pause_s: float = 0.0, answer: int = 2, timeout: float = 2.0) -> str:
+            line.timeout = timeout
+            for part in parts:
+                line.write(bytes.fromhex(part))
+                time.sleep(pause_s)
+            return line.read(answer).hex(" ").upper()
+
+        assert ask("DF 16") == "5A A5"
+        assert ask("D1 09") == "49 DA"  # the "I" of 8I20
+        assert ask("EC 01 66", answer=1) == "00"
+        assert ask("45 02 00 95", answer=3) == "EE 02 " + f"{crc8(bytes([0xEE, 0x02])):02X}"  # 750
+        assert ask("EC 00 38", answer=1) == "00"
+        assert ask("DF", "16", pause_s=0.05, timeout=0.2) == ""
+        assert ask("DF 16") == "5A A5"  # heard again
+        assert ask("DF 17", timeout=0.2) == ""  # wrong CRC: silence
+        time.sleep(0.01)
+        assert ask("C1 94")[:2] != "00"  # and a bit in the status
+
+
+def test_a_slow_line(hm2) -> None:
+    with on_pty("8i20") as (process, port):
+        assert hm2("wpd", "NVBAUDRATE", "0", "-p", port)[0] == 0
+        assert tell(process, "operate") == "ok"
+        assert hm2("rpd", "NVBAUDRATE", "-p", port, "--baud", "9600")[1] == "NVBAUDRATE = 0  (9600 baud)"
