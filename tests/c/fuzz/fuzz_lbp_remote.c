@@ -43,6 +43,8 @@ static hm2_remote *make(uint8_t kind)
 		hm2_remote_add_copy(remote, 0, 0x100, 4);
 		hm2_remote_set(remote, HM2_REMOTE_WATCHDOG_ADDRESS, 0x100);
 		hm2_remote_set(remote, HM2_REMOTE_BAUD_ADDRESS, 4);
+		hm2_remote_set(remote, HM2_REMOTE_PWM_ADDRESS, 44);
+		hm2_remote_set(remote, HM2_REMOTE_SUPERVISED, 1);
 	}
 	if (kind & 16) {
 		hm2_remote_add_mode(remote, 0, 9, 8, 0x200, 0x210);
