@@ -25,8 +25,29 @@ static void skip_quiet_passes(struct hm2_sslbp *s, int64_t until)
 		return;
 	for (int c = 0; c < s->channels && quiet > s->cpu; c++)
 		pass += sslbp_channel_quiet(s, c, s->cpu, &quiet);
-	if (quiet > s->cpu + pass)
-		s->cpu += (quiet - s->cpu) / pass * pass - pass;
+	if (quiet > s->cpu + pass) {
+		s->skipped = (quiet - s->cpu) / pass * pass - pass;
+		s->cpu += s->skipped;
+	}
+}
+
+/* In ticks, as the firmware keeps it; skipped passes are like the one before them. */
+static void note_loop_time(struct hm2_sslbp *s)
+{
+	int64_t pass = s->cpu - s->top - s->skipped;
+	s->ram[HM2_SSLBP_LOCAL_LOOP_TIME] =
+		(uint8_t)(sslbp_timer_at(s, s->cpu) - sslbp_timer_at(s, s->cpu - (pass > 0 ? pass : 0)));
+	s->top = s->cpu;
+	s->skipped = 0;
+}
+
+static void init(struct hm2_sslbp *s)
+{
+	s->doorbell = 0;
+	s->result = HM2_SSLBP_RESULT_STOPPED_ALL;
+	s->place = PLACE_TOP;
+	s->cpu += COST_INIT + s->channels * COST_INIT_PER_CHANNEL;
+	sslbp_global_init(s);
 }
 
 static void step(struct hm2_sslbp *s)
@@ -43,13 +64,10 @@ static void step(struct hm2_sslbp *s)
 		s->cpu += COST_RESET_DOORBELL;
 		break;
 	case PLACE_INIT:
-		s->doorbell = 0;
-		s->result = HM2_SSLBP_RESULT_STOPPED_ALL;
-		s->place = PLACE_TOP;
-		s->cpu += COST_INIT + s->channels * COST_INIT_PER_CHANNEL;
-		sslbp_global_init(s);
+		init(s);
 		break;
 	case PLACE_TOP:
+		note_loop_time(s);
 		s->cpu += sslbp_command_complete(s);
 		break;
 	case PLACE_DOORBELL:
@@ -66,7 +84,7 @@ static void step(struct hm2_sslbp *s)
 			s->cpu += COST_TO_COMPLETE;
 		}
 		break;
-	case PLACE_HELD:
+	default: /* held in reset */
 		break;
 	}
 }

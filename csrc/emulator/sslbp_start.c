@@ -50,6 +50,18 @@ static int predates_discovery(struct hm2_sslbp *s, int channel, uint8_t id, uint
 	return 0;
 }
 
+static int take_cookie(struct hm2_sslbp *s, int channel)
+{
+	uint8_t *block = sslbp_block(s, channel);
+	if (block[0] == HM2_LBP_COOKIE_VALUE) {
+		block[HM2_SSLBP_CHANNEL_STATE] = HM2_COM_STATE_TIMEOUT_SEND;
+		return 0;
+	}
+	sslbp_channel_fail(s, channel, HM2_LOCAL_FAULT_INVALID_COOKIE, HM2_SSLBP_CHANNEL_COOKIE_ERRORS);
+	block[HM2_SSLBP_CHANNEL_STATE] = HM2_COM_STATE_START_PAUSE;
+	return COST_ERROR;
+}
+
 static int take_name(struct hm2_sslbp *s, int channel)
 {
 	uint8_t *block = sslbp_block(s, channel);
@@ -78,13 +90,7 @@ int sslbp_answer_start(struct hm2_sslbp *s, int channel)
 	uint8_t *state = &block[HM2_SSLBP_CHANNEL_STATE];
 	switch (*state) {
 	case HM2_COM_STATE_COOKIE_GET:
-		if (block[0] == HM2_LBP_COOKIE_VALUE) {
-			*state = HM2_COM_STATE_TIMEOUT_SEND;
-			return 0;
-		}
-		sslbp_channel_fail(s, channel, HM2_LOCAL_FAULT_INVALID_COOKIE, HM2_SSLBP_CHANNEL_COOKIE_ERRORS);
-		*state = HM2_COM_STATE_START_PAUSE;
-		return COST_ERROR;
+		return take_cookie(s, channel);
 	case HM2_COM_STATE_UNIT_NUMBER_GET:
 		sslbp_show(s, channel, UNIT_REGISTER, sslbp_get32(block), s->cpu);
 		break;

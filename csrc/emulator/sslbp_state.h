@@ -75,6 +75,8 @@ struct hm2_sslbp {
 	enum sslbp_place place;
 	int turn;    /* channel, in PLACE_CHANNEL */
 	int64_t cpu; /* when that begins */
+	int64_t top; /* when the pass in progress began */
+	int64_t skipped; /* of the time since: whole passes not gone through */
 	uint8_t ram[RAM_SIZE];
 	uint16_t rom[ROM_WORDS];
 	struct sslbp_timer timer;

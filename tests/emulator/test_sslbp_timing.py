@@ -129,3 +129,20 @@ def test_local_access_takes_a_microsecond_or_four() -> None:
     assert min(idle) > 0.4
     assert max(idle) < 2.5
     assert max(busy) < 4
+
+
+def test_skipped_spans_change_nothing() -> None:
+    """Advanced in one step or in thousands: the same bytes at the same times, the same registers."""
+    seen = []
+    for step in (0.37, 13.0, 6000.0):
+        host = the_7i77(4, 3)
+        host.begin(START | 7)
+        begin = host.board.now_us
+        bytes_seen = []
+        while host.board.now_us < begin + 6000.0:
+            host.board.advance(min(step, begin + 6000.0 - host.board.now_us))
+            bytes_seen += host.port.take_line_bytes()
+        registers = [host.read(0x5A00 + 0x100 * n, c) for n in range(2, 6) for c in range(4)]
+        seen.append((sorted(bytes_seen, key=lambda b: (b.start_us, b.channel)), registers))
+    assert len(seen[0][0]) > 1000
+    assert seen[0] == seen[1] == seen[2]
