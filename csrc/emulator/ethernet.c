@@ -72,13 +72,15 @@ static void restart(struct hm2_ethernet *ethernet)
 	ethernet->reload_requested = 0;
 }
 
-/* Recursive: who holds the card may still look into the engine. */
+/* Recursive: who holds the card may still look into the engine. With inheritance: who holds it runs with the
+ * priority of a real-time server that waits, or answers would be as late as the least of its observers. */
 static void init_mutex(pthread_mutex_t *mutex)
 {
 	pthread_mutexattr_t attributes;
 
 	pthread_mutexattr_init(&attributes);
 	pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_RECURSIVE);
+	pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
 	pthread_mutex_init(mutex, &attributes);
 	pthread_mutexattr_destroy(&attributes);
 }

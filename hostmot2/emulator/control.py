@@ -22,7 +22,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.emulator.board import EmulatedBoard, EmulatedEncoder
 from hostmot2.emulator.described import DescribedRemote
 from hostmot2.emulator.ethernet import EthernetServer, Fault
 
@@ -53,18 +53,20 @@ class Controls:
             return 0 if value is None else float(value)
         if key in ("requests", "replies"):
             return float(getattr(self._server.counters, key))
+        get = self._getter(key)  # what takes long before packets are held up
         with self._server.card.hold():
             self._board.sync()
-            return float(self._getter(key)())
+            return float(get())
 
     def set(self, key: str, value: float) -> None:
         """Set a key. Raises KeyError, ValueError for one that is only read or a value out of range."""
         if key.startswith("fault."):
             self._set_fault(key, value)
             return
+        change = self._setter(key)
         with self._server.card.hold():
             self._board.sync()
-            self._setter(key)(value)
+            change(value)
 
     def _fault_field(self, key: str) -> str:
         name = key.removeprefix("fault.")
@@ -88,21 +90,21 @@ class Controls:
 
     def _getter(self, key: str) -> Callable[[], float]:
         if match := re.fullmatch(r"encoder(\d+)_(rate|position)", key):
-            encoder = self._board.encoder_input(int(match[1]))
+            encoder = self._encoder(int(match[1]))
             if match[2] == "rate":
                 raise ValueError(f"{key} can only be set; encoder{match[1]}_position tells where it is")
             return lambda: encoder.position
         if match := re.fullmatch(r"led(\d+)", key):
-            leds, number = self._board.leds, int(match[1])
-            if number >= len(leds):
-                raise KeyError(f"no {key}: the card has {len(leds)} LEDs")
-            return lambda: leds[number]
+            number, leds = int(match[1]), self._board.description.leds if self._board.description else 2
+            if number >= leds:
+                raise KeyError(f"no {key}: the card has {leds} LEDs")
+            return lambda: self._board.leds[number]
         remote, name = self._element(key)
         return lambda: remote.get(name)
 
     def _setter(self, key: str) -> Callable[[float], None]:
         if match := re.fullmatch(r"encoder(\d+)_(rate|position)", key):
-            encoder = self._board.encoder_input(int(match[1]))
+            encoder = self._encoder(int(match[1]))
             if match[2] == "rate":
                 return encoder.set_rate
             return lambda value: setattr(encoder, "position", round(value))
@@ -110,6 +112,10 @@ class Controls:
             raise ValueError(f"{key} can only be read")
         remote, name = self._element(key)
         return lambda value: remote.set(name, int(value) if value == int(value) else value)
+
+    def _encoder(self, number: int) -> EmulatedEncoder:
+        with self._server.card.hold():
+            return self._board.encoder_input(number)
 
     def _element(self, key: str) -> tuple[DescribedRemote, str]:
         """The remote that has an element of this name, on the daughter card meant."""
@@ -131,7 +137,8 @@ class Controls:
         later = [other.sserial_channel for other in daughters if other.sserial_channel > first]
         port = self._board.sserial[0]
         channels = range(first, min([*later, port.channels]))
-        found = (port.remote(channel) for channel in channels)
+        with self._server.card.hold():
+            found = [port.remote(channel) for channel in channels]
         return [remote for remote in found if isinstance(remote, DescribedRemote)]
 
 

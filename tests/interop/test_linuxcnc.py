@@ -18,6 +18,7 @@ from machine import CARD_IP, Hal, HalError, ServedCard, run, stall_watch, until
 CARD = "hm2_7i92.0"
 IO, ANALOG = f"{CARD}.7i77.0.0", f"{CARD}.7i77.0.1"
 SECONDS = float(os.environ.get("HM2_INTEROP_SECONDS", "60"))
+ATTEMPTS = 5
 STALL = 0.0006
 """A read may take 0.8 ms, and the exchange itself needs a part of it."""
 VOLTS = 2 * 20 / 8191
@@ -131,10 +132,9 @@ NO_FAULTS = {
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
-@pytest.mark.parametrize("attempt", [1])
-def test_a_minute_at_1_khz_without_a_fault(network, tmp_path, attempt):
-    for attempt in range(1, 4):
+@pytest.mark.timeout(900)
+def test_a_minute_at_1_khz_without_a_fault(network, tmp_path):
+    for attempt in range(1, ATTEMPTS + 1):
         directory = tmp_path / str(attempt)
         directory.mkdir()
         worst, found, rounds, requests = minute(network, directory)
@@ -146,7 +146,7 @@ def test_a_minute_at_1_khz_without_a_fault(network, tmp_path, attempt):
             assert requests > SECONDS * 1000  # one read and one write datagram a cycle
             return
         assert max(worst) > STALL, f"the machine was in time, and still: {found}"
-    pytest.fail(f"the machine stalled in three runs out of three (worst {max(worst) * 1e3:.1f} ms)")
+    pytest.fail(f"the machine stalled in each of {ATTEMPTS} runs (last: {max(worst) * 1e3:.1f} ms)")
 
 
 def minute(network, directory):
