@@ -1,5 +1,6 @@
 """The dependency rule of ARCHITECTURE.md, and that nothing grows out of hand."""
 
+import importlib.util
 import re
 import shutil
 import subprocess
@@ -42,4 +43,13 @@ def test_every_module_of_the_package_has_its_layer_and_imports_only_downwards() 
 def test_no_function_and_no_file_is_too_long() -> None:
     command = [sys.executable, "tools/sizes.py"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("command", [["check"], ["format", "--check"]], ids=["lint", "format"])
+def test_the_code_is_in_the_style_of_pyproject(command: list[str]) -> None:
+    if not importlib.util.find_spec("ruff"):
+        pytest.skip("ruff is not installed (make check has it)")
+    arguments = [sys.executable, "-m", "ruff", *command, "."]
+    done = subprocess.run(arguments, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
