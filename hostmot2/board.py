@@ -55,7 +55,7 @@ class Board:
         self.read_only = transport.read_only
         self._transport = transport
         self._parts: dict[str, Any] = {}
-        self._restore: list[Callable[[], object]] = []
+        self._restore: list[tuple[int, int, Callable[[], object]]] = []
         self._safe_off: list[tuple[int, int, Callable[[], object]]] = []
         self._owner = os.getpid()
         self._closing = False
@@ -179,14 +179,17 @@ class Board:
         """
         self._safe_off.append((order, -len(self._safe_off), action))
 
-    def on_restore(self, action: Callable[[], object]) -> None:
-        """Call `action` when the card's configuration must be written anew; in order of registration."""
-        self._restore.append(action)
+    def on_restore(self, action: Callable[[], object], order: int = SafeOff.SESSION) -> None:
+        """Call `action` when the card's configuration must be written anew; in order of registration.
+
+        order: as in close(), so that the pins come back after what drives them has been stopped.
+        """
+        self._restore.append((order, len(self._restore), action))
 
     def restore(self) -> None:
         """Write the card's configuration anew, as after a watchdog bite or a lost link; outputs stay off."""
         with self.lock:
-            for action in self._restore:
+            for _, _, action in sorted(self._restore, key=lambda entry: entry[:2]):
                 action()
 
     def close(self) -> None:

@@ -44,6 +44,8 @@ class Cycle:
         self._after: list[Callable[[], None]] = []
         self._error = errors.new_error()
         self._handle: Any = None
+        self.watched = False
+        """Whether the board's watchdog is in use."""
         self.automatic_watchdog = True
         """Whether the watchdog is armed by the first exchange that writes; set to False only knowingly."""
 
@@ -51,6 +53,11 @@ class Cycle:
         """Arm the card's watchdog if it has one and `automatic_watchdog` is set. Raises WatchdogBite."""
         if self.automatic_watchdog and any(m.gtag == Gtag.WATCHDOG for m in self._board.modules):
             self._board.watchdog.arm()
+
+    def raise_for_bite(self) -> None:
+        """Raise WatchdogBite if the armed watchdog has bitten, seen or not; else it is fed."""
+        if self.watched:
+            self._board.watchdog.confirm()
 
     def add(self, part: Any, keep: Any, order: Order) -> None:
         """Add a participant: `part` is a hm2_cyclic, `keep` whatever must live as long as the cycle."""

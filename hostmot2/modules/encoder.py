@@ -296,7 +296,7 @@ class EncoderModule:
             if pin.secondary_gtag == self._descriptor.gtag:
                 self.board.ioport.take([pin], pin.module)
             elif self.multiplexed and pin.secondary_gtag == Gtag.MUXED_ENCODER_SELECT:
-                self.board.ioport.claim([pin], pin.module)
+                self.board.ioport.claim([pin], pin.module, after_bite=True)
 
     def _address(self, register: int) -> int:
         return self._descriptor.register_address(register)

@@ -163,7 +163,8 @@ class InputInstances(Instances[FieldInputs]):
         self._instances = [FieldInputs(self, n, self._states + n) for n in range(count)]
         for inputs in self._instances:
             pins = self.pins(inputs.index)
-            board.ioport.claim(pins, f"{self.descriptor.name} {inputs.index}")
+            owner = f"{self.descriptor.name} {inputs.index}"
+            board.ioport.claim(pins, owner, after_bite=True)
         self._restore()
         self._join_cycle()
         board.on_restore(self._restore)

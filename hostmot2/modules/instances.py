@@ -45,7 +45,7 @@ class ModuleAccess:
     def drive(self, instance: int, owner: str, pins: list[PinDescriptor] | None = None) -> None:
         """Switch an instance's pins to it, the watchdog armed first; off behind a bite until driven anew."""
         self.board.cycle.arm_watchdog()
-        self.board.ioport.claim(self.pins(instance) if pins is None else pins, owner, after_bite=False)
+        self.board.ioport.claim(self.pins(instance) if pins is None else pins, owner)
 
     def let_go(self, instance: int) -> None:
         """Drive an instance's own outputs no more; they stay its pins."""

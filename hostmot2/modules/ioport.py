@@ -38,15 +38,16 @@ class Ioport:
         self._module = board.module(Gtag.IOPORT)
         self.ports = self._module.instances
         self._words = {register: [0] * self.ports for register in _WRITE_ORDER}
+        self._driven = {register: [0] * self.ports for register in (_DDR, _OPEN_DRAIN)}
         self._owners: dict[int, str] = {}
-        self._off_after_bite: set[int] = set()
+        self._returning: set[int] = set()
         self._pads: Any = ffi.new("uint32_t[]", self.ports)
         self._latches: Any = ffi.new("uint32_t[]", self.ports)
         self._read = self._part(self._pads, lib.HM2_TRANSFER_READ)
         self._write = self._part(self._latches, lib.HM2_TRANSFER_WRITE)
         self._write.enabled = 0
-        self._flush()
-        board.on_restore(self._restore)
+        self.off()  # direction first: what another program left driven must not change its level
+        board.on_restore(self._restore, SafeOff.IOPORT)
         board.on_close(self.off, SafeOff.IOPORT)
 
     def _part(self, words: Any, flags: int) -> Any:
@@ -62,17 +63,17 @@ class Ioport:
     def _address(self, register: int) -> int:
         return self._module.register_address(register)
 
-    def claim(self, pins: Iterable[PinDescriptor], owner: str, *, after_bite: bool = True) -> None:
+    def claim(self, pins: Iterable[PinDescriptor], owner: str, *, after_bite: bool = False) -> None:
         """Switch pins to their secondary function; outputs are driven by it from now on.
 
-        after_bite: False for functions without an off state of their own: a watchdog bite leaves their
-        outputs off until they are claimed anew. Idempotent for the same owner. Raises PinInUse if another
-        owner has one of them.
+        after_bite: after an acknowledged bite they are driven again at once, for lines that move nothing by
+        themselves (smart serial, encoder selects); other outputs wait until they are claimed anew.
+        Idempotent for the same owner. Raises PinInUse if another owner has one of them, WatchdogBite.
         """
         pins = list(pins)
         self._own(pins, owner, self._switch)
-        if not after_bite:
-            self._off_after_bite.update(pin.index for pin in pins)
+        if after_bite:
+            self._returning.update(pin.index for pin in pins)
 
     def take(self, pins: Iterable[PinDescriptor], owner: str) -> None:
         """Reserve pins without switching them: they stay as they are. Raises PinInUse."""
@@ -103,7 +104,7 @@ class Ioport:
         with self._board.lock:
             for pin in pins:
                 self._owners.pop(pin.index, None)
-                self._off_after_bite.discard(pin.index)
+                self._returning.discard(pin.index)
                 for register in _WRITE_ORDER:
                     self._put(register, pin, False)
             self._flush()
@@ -187,13 +188,21 @@ class Ioport:
         self._words[register][pin.port] = word | mask if on else word & ~mask
 
     def _flush(self) -> None:
+        if any(self._words[_DDR]) or any(self._words[_OPEN_DRAIN]):
+            # the card takes directions after a bite, too, and nobody would watch what it drives then
+            self._board.cycle.raise_for_bite()
+        for register, old in self._driven.items():
+            kept = [word & new for word, new in zip(old, self._words[register], strict=True)]
+            if kept != old:  # lets go before level or source change
+                self._board.write(self._address(register), kept)
         for register in _WRITE_ORDER:
             self._board.write(self._address(register), self._words[register])
+        self._driven = {register: list(self._words[register]) for register in self._driven}
 
     def _restore(self) -> None:
-        """GPIO outputs stay off after a bite; pins of a module that can be off itself go back to it."""
+        """Outputs stay off after a bite but for the lines that move nothing by themselves."""
         for pin in self._board.pins:
-            if not self._get(_ALT, pin) or pin.index in self._off_after_bite:
+            if pin.index not in self._returning:
                 self._put(_DDR, pin, False)
                 self._put(_OPEN_DRAIN, pin, False)
         self._flush()
@@ -220,6 +229,8 @@ class GpioPin:
         """Make the pin an output at `level`. Arms the watchdog, so exchanges must go on to keep it driven."""
         ports = self._own()
         self._board.cycle.arm_watchdog()
+        if ports.is_output(self.descriptor) and invert != ports.is_inverted(self.descriptor):
+            ports.configure(self.descriptor, output=False)  # latch and inversion cannot change together
         ports.set_latch(self.descriptor, level)
         ports.write_latches()
         ports.configure(self.descriptor, output=True, open_drain=open_drain, invert=invert)

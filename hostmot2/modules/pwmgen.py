@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, overload
 
+from hostmot2 import errors
 from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
@@ -85,9 +87,12 @@ class Pwmgen:
             self._all.claim(self.index)
         self._enable = bool(on)
         self._all.update()
-        self._all.configure()
-        if not on:
+        if on:
+            self._all.configure()
+            return
+        with suppress(errors.WatchdogBite):  # then the pins are off already
             self._all.write_now()
+            self._all.configure()
 
     @property
     def duty(self) -> float:
@@ -123,7 +128,7 @@ class Pwmgen:
 
 
 class Pwmgens(Sequence[Pwmgen]):
-    """The card's PWM generators. All off when the board closes and after a watchdog bite."""
+    """The card's PWM generators. All off, values 0, when the board closes and after a watchdog bite."""
 
     def __init__(self, board: Board) -> None:
         self._board = board
@@ -134,7 +139,7 @@ class Pwmgens(Sequence[Pwmgen]):
         self._pwmgens = [Pwmgen(self, n) for n in range(self._module.instances)]
         self._off()
         self._join_cycle()
-        board.on_restore(self._off)
+        board.on_restore(self._restore, SafeOff.GENERATORS)
         board.on_close(self._off, SafeOff.GENERATORS)
 
     def _join_cycle(self) -> None:
@@ -217,6 +222,11 @@ class Pwmgens(Sequence[Pwmgen]):
         self.update()
         self.write_now()
         self.configure()
+
+    def _restore(self) -> None:
+        for pwmgen in self._pwmgens:
+            pwmgen._value = 0.0  # what was wanted before a bite is not wanted by itself after it
+        self._off()
 
     def __len__(self) -> int:
         return len(self._pwmgens)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, overload
 
 from hostmot2 import errors
@@ -204,7 +205,12 @@ class Stepgen:
             self._all.claim(self.index)
             if not self._state.position_control:
                 self._state.position_command = self._state.position
-        self._state.enable = on
+            if not self._state.enable:
+                self._state.velocity = self._state.rate = 0  # not what it ran at when it was switched off
+        self._state.enable = bool(on)
+        if not on:
+            with suppress(errors.WatchdogBite):  # then the pins are off already
+                self._all.write(Registers.rate.number, self.index, 0)
 
     def __repr__(self) -> str:
         state = "on" if self.enable else "off"
@@ -212,7 +218,7 @@ class Stepgen:
 
 
 class Stepgens(Sequence[Stepgen]):
-    """The card's step generators. All stop when the board closes and after a watchdog bite."""
+    """The card's step generators. All stop, commands 0, when the board closes and after a watchdog bite."""
 
     def __init__(self, board: Board) -> None:
         self._board = board
@@ -231,7 +237,7 @@ class Stepgens(Sequence[Stepgen]):
         part = ffi.new("hm2_cyclic *")
         lib.hm2_stepgens_part(self._group, part)
         board.cycle.add(part, (self, part), Order.GENERATORS)
-        board.on_restore(self._restore)
+        board.on_restore(self._restore, SafeOff.GENERATORS)
         board.on_close(self._stop, SafeOff.GENERATORS)
 
     def write(self, register: int, instance: int, word: int) -> None:
@@ -248,12 +254,13 @@ class Stepgens(Sequence[Stepgen]):
 
     def _stop(self) -> None:
         for n in range(self._module.instances):
-            self._states[n].enable = 0
+            self._states[n].enable = self._states[n].velocity = self._states[n].rate = 0
             self.write(Registers.rate.number, n, 0)
 
     def _restore(self) -> None:
         self._stop()
         for stepgen in self._stepgens:
+            stepgen.velocity_command = 0.0  # what was wanted before a bite is not wanted by itself after it
             stepgen._configure()
         self._board.write(self._module.register_address(Registers.master_dds.number), _MASTER_DDS_FULL)
 

@@ -40,6 +40,7 @@ class Watchdog:
         lib.hm2_watchdog_part(self._state, self._part)
         board.cycle.add(self._part, self, Order.WATCHDOG)
         board.cycle.after(self._raise_bite)
+        board.cycle.watched = True
         board.on_close(self._bite_now, SafeOff.WATCHDOG)
 
     def _address(self, register: int) -> int:
@@ -108,6 +109,15 @@ class Watchdog:
                 self._state.armed = 0
                 lib.hm2_board_set_gate(self._board.handle, 1)
         return self.has_bitten
+
+    def confirm(self) -> None:
+        """Make sure that it has not bitten: feed it, so that all its time is left, and look.
+
+        Raises WatchdogBite; does nothing while it is not armed.
+        """
+        self.feed()
+        self.check()
+        self._raise_bite()
 
     def acknowledge(self) -> None:
         """Accept a bite: writes are allowed again, the card's configuration is written anew.

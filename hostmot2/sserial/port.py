@@ -73,7 +73,7 @@ class SserialPort(PortMemory):
         self._open(max((pin.secondary_pin & 0x0F for pin in self.pins), default=1))
         board.on_close(self._end, SafeOff.SSERIAL)
         # a bite has cut the remotes off: when the pins come back nothing may go on where it was
-        board.on_restore(self._end)
+        board.on_restore(self._end, SafeOff.SSERIAL)
 
     def _open(self, channels: int) -> None:
         module = self._module
@@ -321,7 +321,7 @@ class SserialPort(PortMemory):
     def _connect(self) -> None:
         """Switch the FPGA pins to smart serial; idempotent."""
         if self.pins:
-            self._board.ioport.claim(self.pins, "sserial")
+            self._board.ioport.claim(self.pins, "sserial", after_bite=True)
 
     def _started_or_raise(self) -> int:
         started = self._core.started
