@@ -15,7 +15,7 @@ from hostmot2.registers import Gtag
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
-    from hostmot2.sserial import Channel, SserialPort
+    from hostmot2.sserial import Channel, Fault, SserialPort
 
 FIELD_IO, ANALOG = 0x12, 0x11
 """Device codes: the top byte of the unit number tells the two remotes of a 7I77 apart."""
@@ -63,6 +63,7 @@ class Card7i77(RemoteCard):
         super().__init__(board, port, (field_io, analog))
         self._field_io, self._analog = field_io, analog
         self.analog = tuple(AnalogOutput(self, n) for n in range(AXES))
+        port.on_faults.append(self._drop_enables)
 
     @property
     def field_io_channel(self) -> Channel:
@@ -119,13 +120,12 @@ class Card7i77(RemoteCard):
             self.board.cycle.arm_watchdog()
         self.analog_channel.outputs[element] = on
 
-    def exchange(self) -> Any:
-        """See RemoteCard.exchange. A new fault of this card drops both enables; they stay off."""
-        result = super().exchange()
-        if result.faults and any(fault.channel in self.channel_numbers for fault in result.faults):
+    def _drop_enables(self, faults: tuple[Fault, ...]) -> None:
+        """A new fault of this card drops both enables, whoever moved the data; they stay off."""
+        affected = any(fault.channel in self.channel_numbers for fault in faults)
+        if affected and self.analog_channel.description is not None:
             self.analog_channel.outputs["analogena"] = False
             self.analog_channel.outputs["spinena"] = False
-        return result
 
     def _field(self, element: str, needed: str) -> Any:
         inputs = self.field_io_channel.inputs

@@ -6,6 +6,7 @@ Source: sserial.md and both SSLBP observed sheets; the protocol itself is in csr
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -62,6 +63,8 @@ class SserialPort(PortMemory):
         """The FPGA pins of this port."""
         self.faults: deque[Fault] = deque(maxlen=FAULTS_KEPT)
         """New faults as they appeared, the latest last."""
+        self.on_faults: list[Callable[[tuple[Fault, ...]], None]] = []
+        """Called with new faults, whoever's transfer brought them, while the board's lock is held."""
         self.faults_lost = 0
         """Faults that came faster than they were taken."""
         self.last_cycle = DoitResult(0)
@@ -347,6 +350,8 @@ class SserialPort(PortMemory):
         if strangers and not running:
             self._remotes.look(strangers)
             failed = self._remotes.start(fresh, NORMAL)
+        elif strangers:
+            failed |= self._remotes.stop_changed(strangers)
         self._remotes.restart(fresh)
         return failed
 
@@ -371,14 +376,17 @@ class SserialPort(PortMemory):
 
     def _take_faults(self) -> tuple[Fault, ...]:
         with self._lock:
-            faults, lost = self._core.take_faults()
-        self.faults_lost += lost
-        for i, fault in enumerate(faults):
-            known = self._channels[fault.channel].description
-            if known is not None and known.fault_names:
-                faults[i] = replace(fault, fault_names=known.fault_names)
-        self.faults.extend(faults)
-        return tuple(faults)
+            found, lost = self._core.take_faults()
+            self.faults_lost += lost
+            for i, fault in enumerate(found):
+                known = self._channels[fault.channel].description
+                if known is not None and known.fault_names:
+                    found[i] = replace(fault, fault_names=known.fault_names)
+            faults = tuple(found)
+            self.faults.extend(faults)
+            for action in self.on_faults:
+                action(faults)
+        return faults
 
     def rows(self) -> list[tuple[str, ...]]:
         """Channels and elements as rows of a table, CS read now."""

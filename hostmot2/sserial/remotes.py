@@ -10,7 +10,7 @@ from hostmot2.process_data import ProcessData
 from hostmot2.remotes import builtin
 from hostmot2.remotes.discovery import ReadFailed, RemoteDescription, read_tables
 from hostmot2.sserial.core import NORMAL, SETUP, Core
-from hostmot2.sserial.errors import BrokenTable, RemoteSilent, UnsupportedRemote, raise_for
+from hostmot2.sserial.errors import BrokenTable, NotDiscovered, RemoteSilent, UnsupportedRemote, raise_for
 from hostmot2.sserial.evidence import ChannelEvidence
 
 if TYPE_CHECKING:
@@ -60,17 +60,32 @@ class Remotes:
             self.look(unknown)
 
     def strangers(self, started: int) -> int:
-        """Started channels whose remote is not the one that was described; they lose their description."""
+        """Started channels whose remote, or software mode, is not the one that was described."""
         strangers = 0
         for number in numbers(started):
             channel, found = self._channels[number], self._core.identity(number)
             now = found.unit_number, found.name, found.toc, channel.mode
             if channel.description is None or channel.description.identity != now:
-                channel.description = None
                 strangers |= 1 << number
-        if strangers:
-            self._update_process_data()
         return strangers
+
+    def stop_changed(self, strangers: int) -> int:
+        """Stop the strangers that have elements of another remote; returns their mask.
+
+        New tables would need setup mode, new process data would zero the outputs of the channels that run.
+        """
+        changed = [number for number in numbers(strangers) if self._channels[number].description is not None]
+        for number in changed:
+            channel = self._channels[number]
+            channel.description = None
+            channel.problem = NotDiscovered(
+                f"{channel.label}: another remote or software mode than before, whose tables cannot be "
+                "read while other channels run",
+                index=number,
+            )
+        if changed:
+            self._core.stop(bits(changed))
+        return bits(changed)
 
     def look(self, mask: int) -> list[ChannelEvidence]:
         """Start channels in setup mode, describe their remotes, stop everything.

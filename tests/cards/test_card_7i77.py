@@ -226,3 +226,20 @@ def test_a_position_loop_closes(card: Any, emulated: EmulatedBoard) -> None:
         card.analog[0].volts = 8.0 * (2.0 - encoder.position) - 0.35 * encoder.velocity
     assert encoder.position == pytest.approx(2.0, abs=0.02)
     assert motor.turns == pytest.approx(2.0, abs=0.02)
+
+
+def test_a_fault_of_one_card_drops_its_enables_whichever_card_exchanges() -> None:
+    emulated = EmulatedBoard("5i25+7i77x2", clock="virtual")
+    with hostmot2.open(emulated) as board:
+        cards = [board.cards.get("7i77", number) for number in (0, 1)]
+        for card in cards:
+            card.start()
+            card.analog_enable = card.spindle_enable = True
+        cycles(cards[0], emulated, 2)
+        remotes(emulated, 3)[1].fault = 0x04
+        cycles(cards[0], emulated, 2)
+        remotes(emulated, 3)[1].fault = 0
+        cycles(cards[0], emulated, 2)
+        assert (cards[1].analog_enable, cards[1].spindle_enable) == (False, False)
+        assert remotes(emulated, 3)[1].get("analogena") is False
+        assert remotes(emulated, 0)[1].get("analogena") is True

@@ -259,3 +259,24 @@ def test_a_7i64(card, hm2):
     assert inputs["input"] == 0x332211
     assert inputs["analog0"] == pytest.approx(3.3)
     assert inputs["analog1"] == pytest.approx(1.65, abs=1e-3)
+
+
+def test_another_remote_plugged_in_while_others_run_leaves_their_outputs_alone(card, hm2, field):
+    card.sserial[0].attach(2, EmulatedRemote("7I64", 5, model="7i64"))
+    hm2.sserial.start(0b101)
+    outputs = hm2.sserial.channels[0].outputs
+    outputs["output"] = 0x00FF
+    hm2.sserial.stop(0b100)
+    card.sserial[0].attach(2, EmulatedRemote("8I20", 6, model="8i20"))
+    result = hm2.sserial.start(0b100)
+    assert (result.started, result.failed) == (0, 0b100)
+    with pytest.raises(NotDiscovered, match="another remote"):
+        hm2.sserial.channels[2].outputs["current"] = 1.0
+    hm2.sserial.doit()
+    assert field.outputs == b"\xff\x00"
+    outputs["output"] = 0x0001
+    hm2.sserial.doit()
+    assert field.outputs == b"\x01\x00"
+    hm2.sserial.stop()
+    assert hm2.sserial.start(0b101).started == 0b101
+    assert "current" in hm2.sserial.channels[2].outputs
