@@ -1,0 +1,95 @@
+"""A whole board over a bad network: what moves, what latches and what is commanded stays right."""
+
+from __future__ import annotations
+
+import pytest
+
+import hostmot2
+from hostmot2.emulator import EmulatedBoard
+from hostmot2.emulator.ethernet import EthernetServer
+
+# Requests are lost, not doubled: a card carries out what comes twice, and no driver can keep it from that.
+NETWORKS = [
+    "loss=5%,seed=1",
+    "loss=8%,seed=2,direction=requests",
+    "loss=4%,dup=4%,reorder=3%,seed=3,direction=replies",
+]
+
+
+@pytest.fixture(params=NETWORKS)
+def served(request):
+    """A driver's board, the emulated one, its server; faults act from now on."""
+    with (
+        EmulatedBoard("7i92+7i77", clock="real") as card,
+        EthernetServer(card) as server,
+        hostmot2.open(f"{server.url}?retry_ms=3&error_limit=0") as board,
+    ):
+        board.cycle.automatic_watchdog = False  # repeats take longer than any watchdog should wait
+        server.set_fault(request.param)
+        yield board, card, server
+        assert server.counters.lost
+        server.set_fault("")
+
+
+def test_index_latches_at_the_index_and_nowhere_else(served):
+    board, card, server = served
+    encoder = board.encoders[0]
+    encoder.index_active_high = True
+    with server.card.hold():
+        wheel = card.encoder_input(0)
+        wheel.set(0, 0, 0)
+        wheel.index_every(counts=400, width=4)
+    for turn in range(6):
+        with server.card.hold():
+            wheel.set_rate(20_000 if turn % 2 else -20_000)
+        encoder.latch_index()
+        for _ in range(1000):
+            board.cycle.run()
+            if not encoder.latching:
+                break
+        assert encoder.events == turn + 1
+        with server.card.hold():
+            wheel.set_rate(0)
+            position = wheel.position
+        for _ in range(3):
+            board.cycle.run()
+        offset = (position - encoder.count) % 400
+        assert min(offset, 400 - offset) <= 4, (turn, position, encoder.count)
+
+
+def test_commands_are_carried_out_once_and_outputs_arrive(served):
+    board, card, server = served
+    port = board.sserial[0]
+    port.scan()
+    assert port.start(0x03).failed == 0
+    outputs = port.channels[0].outputs
+    with server.card.hold():
+        remote = card.sserial[0].remote(0)
+    for word in (0x0001, 0x8000, 0x5AA5):
+        outputs["output"] = word
+        assert port.doit(0x03).failed == 0
+        with server.card.hold():
+            assert remote.get("output") == word
+    port.stop()
+
+
+def test_counts_are_never_lost(served):
+    board, card, server = served
+    encoder = board.encoders[2]
+    with server.card.hold():
+        wheel = card.encoder_input(2)
+        wheel.set(0, 0, 0)
+    board.cycle.run()
+    start = encoder.count
+    with server.card.hold():
+        before = wheel.position
+        wheel.set_rate(100_000)
+    for _ in range(300):
+        board.cycle.run()
+    with server.card.hold():
+        wheel.set_rate(0)
+        moved = wheel.position - before
+    for _ in range(3):
+        board.cycle.run()
+    assert moved > 0
+    assert encoder.count - start == moved
