@@ -95,7 +95,7 @@ static int send(struct hm2_sslbp *s, int channel)
 		return refuse(s, channel);
 	if (s->uarts[channel].rx_count) {
 		sslbp_channel_fail(s, channel, HM2_LOCAL_FAULT_EXTRA_CHARACTER, HM2_SSLBP_CHANNEL_EXTRA_CHARACTERS);
-		cost += COST_ERROR;
+		cost += COST_SURPLUS;
 	}
 	size_t length = sslbp_frame(s, channel, frame);
 	int64_t at = s->cpu + cost + sslbp_cost_to_start_bit(block[HM2_SSLBP_CHANNEL_STATE]);
@@ -131,9 +131,11 @@ static int time_out(struct hm2_sslbp *s, int channel)
 	case HM2_COM_STATE_RUN_8I20_GET:
 	case HM2_COM_STATE_RUN_7I64_GET:
 	case HM2_COM_STATE_SETUP_GET:
-	case HM2_COM_STATE_RUN_GET:
 		--*state;
 		break;
+	case HM2_COM_STATE_RUN_GET:
+		--*state;
+		return COST_ERROR_RUNNING;
 	default:
 		*state = HM2_COM_STATE_START_PAUSE;
 		break;
@@ -160,7 +162,7 @@ static int wait(struct hm2_sslbp *s, int channel, int answer)
 	unsigned crc = !block[HM2_SSLBP_CHANNEL_DISABLE_CRC];
 	if (s->uarts[channel].broken) {
 		sslbp_channel_fail(s, channel, HM2_LOCAL_FAULT_SERIAL_BREAK, HM2_SSLBP_CHANNEL_SERIAL_BREAKS);
-		return COST_WAIT + COST_ERROR;
+		return COST_BREAK;
 	}
 	if (s->uarts[channel].rx_count < size + crc) {
 		if (s->wire && elapsed(s, block) < block[HM2_SSLBP_CHANNEL_TIMEOUT])

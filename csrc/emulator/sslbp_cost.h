@@ -55,8 +55,11 @@ enum sslbp_cost {
 	COST_WAIT_LONG = 68,
 	COST_TO_RECEIVE = 29, /* a turn sees what came that much into it */
 	COST_TO_RECEIVE_RUN = 24,
-	COST_ANSWER_USED = 15, /* what an answer with a wrong CRC saves */
+	COST_ANSWER_USED = 5, /* what an answer with a wrong CRC saves */
+	COST_BREAK = 91,
+	COST_SURPLUS = 20,
 	COST_ERROR = 4,
+	COST_ERROR_RUNNING = -11,
 	COST_ERROR_STAYS = 26, /* more when the state is not left */
 	COST_CHECK_STATUS = 42,
 	COST_CHECK_8I20 = 69,
