@@ -5,20 +5,26 @@ Needs the extra `record` (`pip install 'hostmot2[record]'`).
 
 from __future__ import annotations
 
+from hostmot2.recording.attachments import attachments_of, host_metadata
 from hostmot2.recording.errors import (
     BrokenRecording,
     RecordingError,
     RecordingFailed,
     RecordingTooLarge,
 )
+from hostmot2.recording.export import to_csv, to_parquet
 from hostmot2.recording.file import Attachment
 from hostmot2.recording.format import Signal
+from hostmot2.recording.plot import plot
 from hostmot2.recording.recorder import Recorder, RecorderCounters
 from hostmot2.recording.recording import Gap, LogEntry, Recording, read
+from hostmot2.recording.replay import Difference, Replay, remote_inputs
+from hostmot2.recording.tap import Tap
 
 __all__ = [
     "Attachment",
     "BrokenRecording",
+    "Difference",
     "Gap",
     "LogEntry",
     "Recorder",
@@ -27,6 +33,14 @@ __all__ = [
     "RecordingError",
     "RecordingFailed",
     "RecordingTooLarge",
+    "Replay",
     "Signal",
+    "Tap",
+    "attachments_of",
+    "host_metadata",
+    "plot",
     "read",
+    "remote_inputs",
+    "to_csv",
+    "to_parquet",
 ]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 import numpy as np
@@ -23,6 +23,19 @@ if TYPE_CHECKING:
     from hostmot2.sserial import SserialPort
 
 WORDS = 7  # interface registers of a channel, at most
+
+
+class Words(Protocol):
+    """Recorded registers."""
+
+    count: int
+    """Of records."""
+
+    def word(self, address: int, written: bool) -> npt.NDArray[np.uint32] | None:
+        """A register's words, None if it was not recorded."""
+
+    def fresh(self, address: int, written: bool) -> npt.NDArray[np.bool_]:
+        """In which records it was moved."""
 
 
 class ElementText(msgspec.Struct):
@@ -50,6 +63,8 @@ class ChannelText(msgspec.Struct):
     name: str
     unit_number: int
     mode: int
+    receive_size: int  # bytes of an exchange, with the fault byte; 0: not known
+    transmit_size: int
     status_register: int
     registers: list[int]
     fields: list[ElementText]
@@ -100,6 +115,8 @@ def _port(board: Board, port: SserialPort) -> PortText:
                 name=channel.name,
                 unit_number=channel.unit_number,
                 mode=channel.mode,
+                receive_size=channel.description.receive_size if channel.description else 0,
+                transmit_size=channel.description.transmit_size if channel.description else 0,
                 status_register=address(Sserial.cs.number, number),
                 registers=[address(Sserial.user0.number + k, number) for k in range(port.data_registers)],
                 fields=[_field(field, data, number) for field in layout.fields],
@@ -153,17 +170,12 @@ class Descriptors:
             raise BrokenRecording(f"the attached descriptors cannot be read: {problem}") from problem
         return cls(text)
 
-    def columns(
-        self, column_of: Callable[[int], npt.NDArray[np.uint32] | None], count: int, direction: Direction
-    ) -> Columns:
-        """Every element of one direction whose registers were recorded; keys as `Recording` has them.
-
-        column_of: the recorded words of a register, None if it was not recorded.
-        """
+    def columns(self, source: Words, direction: Direction) -> Columns:
+        """Every element of one direction whose registers were recorded; keys as `Recording` has them."""
         result: Columns = {}
         for port in self.text.ports:
             for channel in port.channels:
-                found = _decode(channel, column_of, count, direction)
+                found = _decode(port, channel, source, direction)
                 result |= {f"{key_prefix(port, channel)}{name}": each for name, each in found.items()}
         return result
 
@@ -197,27 +209,42 @@ def _check(channel: ChannelText) -> None:
         raise ValueError(f"channel {channel.channel} has more than {WORDS} registers")
 
 
-def _decode(
-    channel: ChannelText,
-    column_of: Callable[[int], npt.NDArray[np.uint32] | None],
-    count: int,
-    direction: Direction,
-) -> Columns:
+def _decode(port: PortText, channel: ChannelText, source: Words, direction: Direction) -> Columns:
     layout = Layout(fields_of(channel))
-    write = 1 if direction is Direction.OUTPUT else 0
-    found = [column_of(address | write) for address in channel.registers]
+    written = direction is Direction.OUTPUT
+    found = [source.word(address, written) for address in channel.registers]
+    taken = None if written else _taken(port, channel, source)
     data = ProcessData({0: layout}, words=WORDS)
     elements: Any = data.inputs[0] if direction is Direction.INPUT else data.outputs[0]
     for text in channel.fields:
         _configure(text, elements, direction)
-    words = np.zeros((count, 1, WORDS), np.uint32)
+    words = np.zeros((source.count, 1, WORDS), np.uint32)
     for index, column in enumerate(found):
         if column is not None:
-            words[:, 0, index] = column
+            words[:, 0, index] = column if taken is None else _held(column, taken)
     decoded = data.decode(words, direction)
     there = {index for index, column in enumerate(found) if column is not None}
     wanted = [e for e in layout.elements if e.direction is direction and e.name in decoded]
     return {element.name: decoded[element.name] for element in wanted if _registers(element) <= there}
+
+
+def _taken(port: PortText, channel: ChannelText, source: Words) -> npt.NDArray[np.bool_]:
+    """In which cycles the driver took the channel's inputs over: read, DOIT over, the transfer good."""
+    taken = (
+        source.fresh(channel.registers[0], False) if channel.registers else np.ones(source.count, np.bool_)
+    )
+    command, failed = source.word(port.command_register, False), source.word(port.data_register, False)
+    if command is not None:
+        taken = taken & (command == 0)
+    if failed is not None:
+        taken = taken & (failed >> np.uint32(channel.channel) & 1 == 0)
+    return taken
+
+
+def _held(column: npt.NDArray[np.uint32], taken: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint32]:
+    """The last word taken over, 0 before the first."""
+    last = np.maximum.accumulate(np.where(taken, np.arange(len(column)), -1))
+    return np.where(last >= 0, column[last], np.uint32(0)).astype(np.uint32)
 
 
 def _configure(text: ElementText, elements: Any, direction: Direction) -> None:

@@ -49,7 +49,7 @@ class Recording(Mapping[str, Column]):
     Names are those of the input and output signals (an output that is called like an input is
     `outputs.NAME`), then process data decoded from raw registers with the attached descriptors
     (`sserial0.1.input`, outputs `sserial0.2.analogout0`), then `cycle`, `status`, `flags` and
-    `wake_us` .. `write_us`, `total_us`. Columns are read-only.
+    `wake_us` .. `write_us`, `total_us`. They are found in any capitals. Columns are read-only.
 
     path: the file. inputs, outputs: the signals. attachments, metadata: as in the file. missing: what could
     not be read, in sentences; empty for a whole file. dropped: records that found no room in the ring, as
@@ -86,7 +86,10 @@ class Recording(Mapping[str, Column]):
             return self.records[name]
         if name in self.stages:
             return self.stages[name]
-        raise KeyError(f"{self.path} has no column {name!r}")
+        known = next((each for each in self._names if each.casefold() == name.casefold()), None)
+        if known is None:
+            raise KeyError(f"{self.path} has no column {name!r}")
+        return self[known]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
@@ -192,19 +195,14 @@ class Recording(Mapping[str, Column]):
     def elements(self) -> Columns:
         """Process data decoded from the raw registers, to the last bit what the driver made of them.
 
-        Until a register was first moved its elements are those of the word 0. An output called like an input
-        of its channel is `outputs.NAME`.
+        As in the driver, inputs of a failed transfer stay what they were; before the first good one they are
+        those of words of 0. An output called like an input of its channel is `outputs.NAME`.
         """
         if self.descriptors is None or not self.image:
             return {}
-
-        def column(register: int) -> npt.NDArray[np.uint32] | None:
-            word = self._slot(register)
-            return None if word is None else self.records["words"][:, word]
-
-        count = len(self.records)
-        found = self.descriptors.columns(column, count, Direction.INPUT)
-        for name, values in self.descriptors.columns(column, count, Direction.OUTPUT).items():
+        words = _Words(self)
+        found = self.descriptors.columns(words, Direction.INPUT)
+        for name, values in self.descriptors.columns(words, Direction.OUTPUT).items():
             found[f"outputs.{name}" if name in found else name] = values
         return found
 
@@ -215,6 +213,23 @@ class Recording(Mapping[str, Column]):
             f"<Recording {self.path}: {count} cycles{took}, {len(self)} columns, {self.dropped} dropped>"
         ]
         return "\n".join([*lines, *(f"  missing: {text}" for text in self.missing)])
+
+
+class _Words:
+    """`descriptors.Words` of a recording."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self.count = len(recording.records)
+
+    def word(self, address: int, written: bool) -> npt.NDArray[np.uint32] | None:
+        try:
+            return self._recording.register(address, written=written)
+        except KeyError:
+            return None
+
+    def fresh(self, address: int, written: bool) -> npt.NDArray[np.bool_]:
+        return self._recording.fresh(address, written=written)
 
 
 def read(path: str | Path, *, limit: int = LIMIT) -> Recording:

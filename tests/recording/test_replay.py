@@ -1,0 +1,188 @@
+"""A recording in the card's place: the driver's behaviour over it is that of the day it was made."""
+
+import numpy as np
+import pytest
+
+from hostmot2 import Board
+from hostmot2.emulator import EmulatedBoard
+from hostmot2.record_ring import RecordRing, record_dtype
+from hostmot2.recording import Recorder, Replay, Signal, Tap, attachments_of, read, remote_inputs
+from hostmot2.transports.emulated import transport_of
+
+CARD = "5i25+7i77"
+MASK = 0x03
+CYCLES = 60
+
+
+def started(board):
+    board.sserial.channels[0].mode = 2  # analog inputs and the field voltage, too
+    board.sserial.start(MASK).raise_for_failed()
+    board.sserial.cyclic = MASK
+    board.encoders[0].scale = 100.0
+    return board
+
+
+def channels(board):
+    """Channels of the 7I77's field I/O and analog output, by what they have."""
+    inputs = {name.lower(): c for c in board.sserial.channels if c.description for name in c.inputs}
+    outputs = {name.lower(): c for c in board.sserial.channels if c.description for name in c.outputs}
+    return inputs, outputs
+
+
+def one_cycle(board, cycle):
+    """A step of a program; what it saw."""
+    inputs, outputs = channels(board)
+    outputs["analogout0"].outputs["analogout0"] = cycle / 10
+    outputs["output"].outputs["output"] = cycle * 257 & 0xFFFF
+    try:
+        board.cycle.run()
+        failed = None
+    except Exception as problem:
+        failed = type(problem).__name__
+    result = board.sserial.last_cycle
+    seen = {name: inputs[name].inputs[name] for name in ("input", "analogin1", "fieldvoltage")}
+    return {
+        "count": board.encoders[0].count,
+        "inputs": {name: float(value) for name, value in seen.items()},
+        "failed": (failed, result.failed, result.requested),
+        "faults": [(f.channel, f.status.word, f.rising, f.failed, str(f)) for f in result.faults],
+    }
+
+
+def disturb(card, cycle):
+    """What happens to the machine meanwhile."""
+    field = card.sserial[0].remote(0)
+    field.inputs = bytes([cycle, 255 - cycle, cycle * 3 & 255, 7, *range(len(field.inputs) - 4)])
+    if cycle == 20:
+        field.inject(bad_crc=1)
+    field.alive = not 30 <= cycle < 33
+    if cycle == 45:
+        field.fault = 0x08
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """A run on an emulated card: the file, and what the program saw in each cycle."""
+    path = tmp_path_factory.mktemp("replay") / "run.mcap"
+    with EmulatedBoard(CARD, clock="virtual") as card:
+        card.encoder_input(0).run(edge_period_ns=50_000.0, counts=100_000)
+        tap = Tap(transport_of(card))
+        with Board(tap.transport) as board:
+            about = attachments_of(started(board))
+            tap.ring = RecordRing(record_dtype(words=64, inputs=1), 1024)
+            recorder = Recorder(
+                tap.ring,
+                path,
+                [Signal("count", "counts")],
+                image=lambda: tap.registers,
+                attachments=about,
+                clock=board.now_ns,
+            )
+            seen = []
+            for cycle in range(CYCLES):
+                disturb(card, cycle)
+                seen.append(one_cycle(board, cycle))
+                tap.push([seen[-1]["count"]])
+                board.pause(0.001)
+            recorder.close()
+            tap.ring = None
+    return path, seen
+
+
+@pytest.fixture
+def replay(recorded):
+    with EmulatedBoard(CARD, clock="virtual") as card:
+        made = Replay(read(recorded[0]), transport_of(card))
+        with Board(made.transport) as board:
+            yield made, started(board)
+
+
+def test_the_run_was_worth_replaying(recorded):
+    seen = recorded[1]
+    assert len({str(each["inputs"]) for each in seen}) > 40
+    assert seen[-1]["count"] - seen[0]["count"] > 1000
+    assert sum(bool(each["faults"]) for each in seen) >= 3
+
+
+def test_the_driver_reports_the_same_values_and_faults_and_writes_the_same(recorded, replay):
+    made, board = replay
+    for index, then in enumerate(recorded[1]):
+        made.play(index)
+        now = one_cycle(board, index)
+        assert now["inputs"] == then["inputs"], index
+        assert now["failed"] == then["failed"], index
+        assert now["faults"] == then["faults"], index
+        assert now["count"] - recorded[1][0]["count"] == then["count"] - recorded[1][0]["count"]
+    made.stop()
+    assert made.differences == []
+
+
+def test_a_program_that_does_otherwise_is_found_out(replay):
+    made, board = replay
+    for index in range(5):
+        made.play(index)
+        one_cycle(board, index if index != 3 else 40)
+    made.stop()
+    assert {each.index for each in made.differences} == {3}
+    assert "register 0x" in str(made.differences[0])
+
+
+def test_nothing_reaches_the_card_below_while_replaying(recorded):
+    with EmulatedBoard(CARD, clock="virtual") as card:
+        made = Replay(read(recorded[0]), transport_of(card))
+        with Board(made.transport) as board:
+            started(board)
+            before = [card.sserial[0].remote(n).outputs for n in range(2)]
+            for index in range(10):
+                made.play(index)
+                one_cycle(board, index)
+            card.advance(1000.0)
+            assert [card.sserial[0].remote(n).outputs for n in range(2)] == before
+            made.stop()
+
+
+def test_the_emulated_remotes_can_be_driven_with_the_recorded_inputs(recorded):
+    path, seen = recorded
+    run = read(path)
+    with EmulatedBoard(CARD, clock="virtual") as card, Board(transport_of(card)) as board:
+        board.sserial.start(MASK).raise_for_failed()
+        inputs, _ = channels(board)
+        for index in range(5, 15):  # without faults
+            for (port, channel), data in remote_inputs(run, index).items():
+                card.sserial[port].remote(channel).inputs = data
+            assert not board.sserial.doit(MASK).failed
+            assert float(inputs["input"].inputs["input"]) == seen[index]["inputs"]["input"]
+
+
+def test_decoded_columns_are_what_the_driver_saw(recorded):
+    path, seen = recorded
+    run = read(path)
+    assert run["count"].tolist() == [each["count"] for each in seen]
+    prefix = next(name for name in run if name.endswith(".Input")).removesuffix("Input")
+    for name in seen[0]["inputs"]:
+        got = run[prefix + name].astype(float)
+        assert got.tolist() == [each["inputs"][name] for each in seen]
+
+
+def test_written_process_data_is_decoded_too(recorded):
+    run = read(recorded[0])
+    outputs = next(name for name in run if name.endswith(".Output"))
+    assert run[outputs].tolist()[:10] == [cycle * 257 & 0xFFFF for cycle in range(10)]
+    volts = run[next(name for name in run if name.endswith(".AnalogOut0"))]
+    assert np.allclose(volts[:20], np.arange(20) / 10, atol=0.003)
+    assert run.units[next(name for name in run if name.endswith(".AnalogOut0"))] == "V"
+
+
+def test_the_card_is_in_the_file(recorded):
+    run = read(recorded[0])
+    assert run.attachments["board.hm2dump"].startswith(b"# hm2dump 1")
+    assert run.descriptors.text.board == "MESA5I25"
+    assert {c.name for c in run.descriptors.text.ports[0].channels} >= {"7I77"}
+
+
+def test_a_recording_without_registers_cannot_be_replayed(tmp_path):
+    ring = RecordRing(record_dtype(), 8)
+    with Recorder(ring, tmp_path / "run.mcap"):
+        ring.push(np.zeros(1, ring.dtype))
+    with EmulatedBoard(CARD, clock="virtual") as card, pytest.raises(ValueError, match="no raw registers"):
+        Replay(read(tmp_path / "run.mcap"), transport_of(card))
