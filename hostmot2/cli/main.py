@@ -37,6 +37,9 @@ COMMANDS: dict[str, str] = {
     "param": "hostmot2.cli.param:param",
     "uflbp": "hostmot2.cli.uflbp:uflbp",
     "emulate-remote": "hostmot2.cli.emulate_remote:emulate_remote",
+    "play": "hostmot2.cli.recording:play",
+    "plot": "hostmot2.cli.recording:plot",
+    "export": "hostmot2.cli.recording:export",
 }
 """Name -> module:command. A module is imported when its command is used, so that `hm2 info` is quick."""
 

@@ -192,6 +192,17 @@ class Recording(Mapping[str, Column]):
         return None if data is None else Descriptors.parse(data)
 
     @cached_property
+    def input_elements(self) -> frozenset[str]:
+        """Which of `elements` come from a remote."""
+        return frozenset(self._input_columns)
+
+    @cached_property
+    def _input_columns(self) -> Columns:
+        if self.descriptors is None or not self.image:
+            return {}
+        return self.descriptors.columns(_Words(self), Direction.INPUT)
+
+    @cached_property
     def elements(self) -> Columns:
         """Process data decoded from the raw registers, to the last bit what the driver made of them.
 
@@ -200,9 +211,8 @@ class Recording(Mapping[str, Column]):
         """
         if self.descriptors is None or not self.image:
             return {}
-        words = _Words(self)
-        found = self.descriptors.columns(words, Direction.INPUT)
-        for name, values in self.descriptors.columns(words, Direction.OUTPUT).items():
+        found = dict(self._input_columns)
+        for name, values in self.descriptors.columns(_Words(self), Direction.OUTPUT).items():
             found[f"outputs.{name}" if name in found else name] = values
         return found
 

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from hostmot2 import Board
+from hostmot2.cli import main
 from hostmot2.emulator import EmulatedBoard
+from hostmot2.emulator.control import Controls, ControlServer, ask
+from hostmot2.emulator.ethernet import EthernetServer
 from hostmot2.record_ring import RecordRing, record_dtype
 from hostmot2.recording import Recorder, Replay, Signal, Tap, attachments_of, read, remote_inputs
 from hostmot2.transports.emulated import transport_of
@@ -186,3 +189,18 @@ def test_a_recording_without_registers_cannot_be_replayed(tmp_path):
         ring.push(np.zeros(1, ring.dtype))
     with EmulatedBoard(CARD, clock="virtual") as card, pytest.raises(ValueError, match="no raw registers"):
         Replay(read(tmp_path / "run.mcap"), transport_of(card))
+
+
+def test_hm2_play_moves_the_inputs_of_a_served_card(recorded, tmp_path):
+    path, seen = recorded
+    with EmulatedBoard("7i92+7i77", clock="real") as card:
+        server = EthernetServer(card, "127.0.0.1", 0)
+        try:
+            with ControlServer(tmp_path / "control", Controls(card, server)):
+                command = ["play", str(path), "--control", str(tmp_path / "control"), "--speed", "0"]
+                with pytest.raises(SystemExit) as end:
+                    main(command)
+                assert not end.value.code
+                assert float(ask(tmp_path / "control", "get", "input")) == seen[-1]["inputs"]["input"]
+        finally:
+            server.close()

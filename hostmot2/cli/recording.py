@@ -1,0 +1,207 @@
+"""hm2 record, play, plot, export: recordings."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import click
+
+from hostmot2.board import Board
+from hostmot2.cli.session import Session, reports, rows
+from hostmot2.emulator.control import ask
+from hostmot2.registers import Gtag
+
+FILE = click.Path(dir_okay=False, path_type=Path)
+COLUMNS = click.option("--column", "-c", "columns", multiple=True, metavar="NAME", help="Only these columns.")
+
+
+def _recording() -> ModuleType:
+    """The package, which needs an extra."""
+    try:
+        from hostmot2 import recording
+    except ModuleNotFoundError as problem:
+        raise ImportError(f"recordings need {problem.name}: pip install 'hostmot2[record]'") from problem
+    return recording
+
+
+@click.command()
+@click.option("-o", "output", type=FILE, required=True, help="The MCAP file to write; replaced if it exists.")
+@click.option("--rate", type=click.FloatRange(0.1, 20000), default=1000.0, show_default=True, metavar="HZ")
+@click.option("--seconds", type=click.FloatRange(min=0), help="How long; until SIGINT or SIGTERM otherwise.")
+@click.option("--json-rate", type=click.FloatRange(min=0), default=100.0, show_default=True, metavar="HZ")
+@click.option("--real-time", is_flag=True, help="SCHED_FIFO and memory locked, where permitted.")
+@reports
+def record(
+    session: Session, output: Path, rate: float, seconds: float | None, json_rate: float, real_time: bool
+) -> None:
+    """Record what the card reports: every cycle, inputs and raw registers.
+
+    Remotes that answer are started with their outputs at zero; nothing is switched on. Every cycle is in the
+    file for `hm2 play`, `plot` and `export`; viewers such as Foxglove get JSON at --json-rate.
+    """
+    recording = _recording()
+    with session.board() as board:
+        _start_remotes(board)
+        engine = board.engine(rate, real_time=real_time)
+        recorder = recording.record(engine, output, json_rate=json_rate)
+        with recorder, engine, _until(seconds) as over:
+            while not over() and recorder.failure is None:
+                _pass(board, engine, 0.05)
+        counters = recorder.counters
+    document = {"file": str(output), "cycles": counters.records, "dropped": counters.dropped, "rate": rate}
+    dropped = f", {counters.dropped} dropped" if counters.dropped else ""
+    session.report(document, f"{output}: {counters.records} cycles{dropped}")
+
+
+def _pass(board: Board, engine: Any, seconds: float) -> None:
+    """Time passes by itself, or, on a card with virtual time, by running cycles."""
+    if board.virtual_time:
+        engine.step()
+    else:
+        time.sleep(seconds)
+
+
+def _start_remotes(board: Board) -> None:
+    if not any(module.gtag in (Gtag.SSERIAL, Gtag.SSERIAL_B) for module in board.modules):
+        return
+    for port in board.sserial:
+        mask = sum(1 << row.channel for row in port.scan() if row.found)
+        if mask:
+            failed = port.start(mask).failed
+            if failed:
+                click.echo(f"hm2: {port.label}: channels 0x{failed:02X} did not start", err=True)
+
+
+@contextlib.contextmanager
+def _until(seconds: float | None) -> Iterator[Callable[[], bool]]:
+    """Whether the time is over or a signal to end has come."""
+    ended: list[int] = []
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in handlers:
+        signal.signal(number, lambda received, _frame: ended.append(received))
+    begin = time.monotonic()
+    try:
+        yield lambda: bool(ended) or (seconds is not None and time.monotonic() - begin >= seconds)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+@click.command()
+@click.argument("file", type=FILE)
+@COLUMNS
+@click.option("--every", type=click.IntRange(min=1), default=1, help="Only every so many cycles.")
+@click.option("--control", type=FILE, help="Play into a running `hm2 emulate --control PATH` instead.")
+@click.option("--speed", type=click.FloatRange(min=0), default=1.0, show_default=True, help="0: at once.")
+@click.option("--map", "mapped", multiple=True, metavar="KEY=COLUMN", help="With --control: what goes where.")
+@reports
+def play(
+    session: Session,
+    file: Path,
+    columns: tuple[str, ...],
+    every: int,
+    control: Path | None,
+    speed: float,
+    mapped: tuple[str, ...],
+) -> None:
+    """Show a recording as text, or play it into the inputs of an emulated card.
+
+    Without --map the emulator gets the process data that remotes sent and the encoders' positions.
+    """
+    run = _recording().read(file)
+    if control is not None:
+        _play_into(session, run, control, speed, mapped)
+        return
+    signals = [each.name for each in run.inputs] + [n for n in run if n in run.elements]
+    names = list(columns) or list(dict.fromkeys(signals)) or list(run)
+    at = slice(None, None, every)
+    chosen = {name: run[name][at] for name in names}
+    document = {
+        "file": str(file),
+        "cycles": len(run.records),
+        "dropped": run.dropped,
+        "gaps": [{"first": gap.first, "count": gap.count} for gap in run.gaps],
+        "missing": list(run.missing),
+        "log": [{"time_ns": e.time_ns, "name": e.name, "message": e.message} for e in run.log],
+        "time_ns": run.time_ns[at].tolist(),
+        "columns": {name: values.tolist() for name, values in chosen.items()} if session.as_json else {},
+    }
+    if session.as_json:
+        session.report(document)
+        return
+    click.echo(repr(run))
+    for line in _lines(run, chosen, every):
+        click.echo(line)
+
+
+def _lines(run: Any, chosen: dict[str, Any], every: int) -> Iterator[str]:
+    units = run.units
+    heads = [f"{name} [{units[name]}]" if name in units else name for name in chosen]
+    yield "\t".join(["seconds", "cycle", *heads])
+    log = [(entry.time_ns, f"# {entry.name}: {entry.message}") for entry in run.log]
+    for index in range(0, len(run.records), every):
+        while log and log[0][0] <= run.time_ns[index]:
+            yield log.pop(0)[1]
+        cells = (f"{values[index // every]:g}" for values in chosen.values())
+        yield "\t".join([f"{run.seconds[index]:.6f}", str(run.cycle[index]), *cells])
+    yield from (text for _, text in log)
+
+
+def _play_into(session: Session, run: Any, control: Path, speed: float, mapped: tuple[str, ...]) -> None:
+    from hostmot2.recording.play import emulator_keys
+    from hostmot2.recording.play import play as play_into
+
+    keys = dict(_pair(each) for each in mapped) if mapped else emulator_keys(run)
+    if not keys:
+        raise click.UsageError("the recording has no columns an emulator takes; say which with --map")
+
+    def set_value(key: str, value: float) -> None:
+        ask(control, "set", key, f"{value:.17g}")
+
+    refused = play_into(run, keys, set_value, speed=speed)
+    for key, why in refused.items():
+        click.echo(f"hm2: {key} was left out: {why}", err=True)
+    played = {key: name for key, name in keys.items() if key not in refused}
+    lines = [(key, name) for key, name in played.items()]
+    session.report({"played": played, "refused": refused}, rows(("key", "column"), lines))
+
+
+def _pair(text: str) -> tuple[str, str]:
+    key, equals, name = text.partition("=")
+    if not equals:
+        raise click.BadParameter(f"{text!r} is not KEY=COLUMN", param_hint="--map")
+    return key, name
+
+
+@click.command()
+@click.argument("file", type=FILE)
+@click.option("-o", "output", type=FILE, required=True, help="The picture: .png, .svg or .pdf.")
+@COLUMNS
+@reports
+def plot(session: Session, file: Path, output: Path, columns: tuple[str, ...]) -> None:
+    """Draw a recording: one axes per unit, below them how long cycles took."""
+    recording = _recording()
+    recording.plot(recording.read(file), output, columns)
+    session.report({"file": str(output)}, str(output))
+
+
+@click.command()
+@click.argument("file", type=FILE)
+@click.option("-o", "output", type=FILE, required=True, help="FILE.csv or FILE.parquet.")
+@COLUMNS
+@reports
+def export(session: Session, file: Path, output: Path, columns: tuple[str, ...]) -> None:
+    """Write a recording as CSV or Parquet: a row per cycle, a column per signal."""
+    recording = _recording()
+    writers = {".csv": recording.to_csv, ".parquet": recording.to_parquet}
+    if output.suffix not in writers:
+        raise click.BadParameter(f"{output}: the name must end in .csv or .parquet", param_hint="-o")
+    run = recording.read(file)
+    writers[output.suffix](run, output, columns)
+    session.report({"file": str(output), "rows": len(run.records)}, f"{output}: {len(run.records)} rows")

@@ -1,0 +1,142 @@
+"""Recordings for other programs, as pictures, and on the command line."""
+
+import csv
+import json
+import struct
+
+import numpy as np
+import pytest
+
+from hostmot2.cli import main
+from hostmot2.recording import plot, read, to_csv, to_parquet
+from hostmot2.recording.picture import envelope
+from hostmot2.recording.play import emulator_keys, play
+from recording.making import record_file, records
+
+
+@pytest.fixture
+def path(tmp_path):
+    return record_file(tmp_path / "run.mcap", records(0, 300))
+
+
+@pytest.fixture
+def hm2(capfd, monkeypatch):
+    monkeypatch.delenv("HM2_DEBUG", raising=False)
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as end:
+            main([str(argument) for argument in arguments])
+        out, err = capfd.readouterr()
+        return int(end.value.code or 0), out, err
+
+    return run
+
+
+def test_csv_gives_the_same_doubles_and_names_the_units(path, tmp_path):
+    run = read(path)
+    to_csv(run, tmp_path / "run.csv")
+    with open(tmp_path / "run.csv", newline="") as stream:
+        header, *rows = csv.reader(stream)
+    assert header[:3] == ["time_ns", "enc0.position [mm]", "enc0.velocity [mm/s]"]
+    assert [int(row[0]) for row in rows] == run.time_ns.tolist()
+    assert np.array([float(row[1]) for row in rows]).tobytes() == run["enc0.position"].tobytes()
+
+
+def test_parquet_keeps_types_units_and_nanoseconds(path, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    run = read(path)
+    to_parquet(run, tmp_path / "run.parquet", ["enc0.position", "cycle"])
+    table = parquet.read_table(tmp_path / "run.parquet")
+    assert table.column_names == ["time", "enc0.position", "cycle"]
+    assert table.schema.field("enc0.position").metadata == {b"unit": b"mm"}
+    assert str(table.schema.field("time").type) == "timestamp[ns, tz=UTC]"
+    assert table["time"].cast("int64").to_pylist() == run.time_ns.tolist()
+    assert table["cycle"].to_pylist() == list(range(300))
+    assert table["enc0.position"].to_numpy().tobytes() == run["enc0.position"].tobytes()
+
+
+def test_a_plot_is_a_picture(path, tmp_path):
+    pytest.importorskip("matplotlib")
+    plot(read(path), tmp_path / "run.png")
+    data = (tmp_path / "run.png").read_bytes()
+    assert data.startswith(b"\x89PNG")
+    width, height = struct.unpack(">II", data[16:24])
+    assert width > 500 < height
+
+
+def test_few_points_keep_every_peak():
+    x = np.arange(1_000_000) / 1000.0
+    y = np.sin(x)
+    y[123_456], y[654_321] = 50.0, -50.0
+    few_x, few_y = envelope(x, y)
+    assert len(few_y) < 10_000
+    assert few_x[few_y.argmax()] == x[123_456]
+    assert few_x[few_y.argmin()] == x[654_321]
+    assert (np.diff(few_x) > 0).all()
+
+
+def test_what_is_not_there_cannot_be_drawn(path, tmp_path):
+    pytest.importorskip("matplotlib")
+    with pytest.raises(KeyError, match="enc9"):
+        plot(read(path), tmp_path / "run.png", ["enc9"])
+    empty = record_file(tmp_path / "empty.mcap", records(0, 0))
+    with pytest.raises(ValueError, match="no records"):
+        plot(read(empty), tmp_path / "run.png")
+
+
+def test_playing_sets_what_changes_at_its_time(path):
+    now, calls = [0.0], []
+
+    def sleep(seconds):
+        now[0] += seconds
+
+    run = read(path)
+    refused = play(
+        run,
+        {"a": "enc0.position", "b": "status", "no": "analog0"},
+        lambda key, value: calls.append((round(now[0], 9), key, value)) if key != "no" else refuse(),
+        speed=2.0,
+        sleep=sleep,
+        clock=lambda: now[0],
+    )
+
+    def times(key):
+        return [at for at, name, _ in calls if name == key]
+
+    assert times("b") == [0.0]  # it never changes
+    assert np.allclose(times("a"), np.arange(300) * 0.00025 / 2)
+    assert list(refused) == ["no"]
+
+
+def refuse():
+    raise ValueError("no such key")
+
+
+def test_only_what_a_machine_tells_goes_into_an_emulator(path):
+    assert emulator_keys(read(path)) == {}
+
+
+def test_hm2_play_prints_rows(hm2, path):
+    status, out, _ = hm2("play", path, "--every", "100", "-c", "enc0.position")
+    assert status == 0
+    lines = out.splitlines()
+    assert "300 cycles" in lines[0]
+    assert lines[1].split("\t") == ["seconds", "cycle", "enc0.position [mm]"]
+    assert lines[3].split("\t") == ["0.025000", "100", f"{100 / 7:g}"]
+    document = json.loads(hm2("--json", "play", path, "-c", "cycle")[1])
+    assert document["columns"] == {"cycle": list(range(300))}
+    assert (document["dropped"], document["gaps"], document["missing"]) == (0, [], [])
+
+
+def test_hm2_plot_and_export_write_files(hm2, path, tmp_path):
+    assert hm2("export", path, "-o", tmp_path / "out.csv", "-c", "cycle")[0] == 0
+    assert (tmp_path / "out.csv").read_text().splitlines()[0] == "time_ns,cycle"
+    assert hm2("plot", path, "-o", tmp_path / "out.png")[0] == 0
+    assert (tmp_path / "out.png").exists()
+    assert hm2("export", path, "-o", tmp_path / "out.xls")[0] == 2
+    assert hm2("export", path, "-o", tmp_path / "out.csv", "-c", "nothing")[0] == 2
+    assert hm2("play", tmp_path / "nowhere.mcap")[0] == 3
+    (tmp_path / "text.mcap").write_text("x" * 100)
+    status, _, err = hm2("play", tmp_path / "text.mcap")
+    assert status == 6
+    assert "HM2-E111" in err
