@@ -47,7 +47,10 @@ void sserial_written(struct hm2_sserial *port, int64_t limit_ns)
 static int write_command(struct hm2_sserial *port, uint32_t command, int64_t limit_ns, hm2_error *error)
 {
 	sserial_written(port, limit_ns);
-	return sserial_write(port, HM2_SSERIAL_COMMAND, 0, command, error);
+	const int status = sserial_write(port, HM2_SSERIAL_COMMAND, 0, command, error);
+	if (status == HM2_OK)
+		sserial_written(port, limit_ns); /* a write that was lost and repeated arrived only now */
+	return status;
 }
 
 int sserial_wait(struct hm2_sserial *port, int64_t poll_ns, hm2_error *error)
