@@ -30,6 +30,7 @@ enum sslbp_cost {
 	COST_INIT_PER_CHANNEL = 1486, /* divides the baud rate by the clock */
 	COST_RESET_TO_CLEAR = 2164, /* from the release to COMMAND clear */
 	COST_RESET_DOORBELL = 5, /* the doorbell is cleared that much later */
+	COST_RESET_DATA = 10,    /* and DATA written */
 
 	/* The tick counter. */
 	COST_TIMER_ORIGIN = 3, /* its phase at power-up */
@@ -59,6 +60,9 @@ enum sslbp_cost {
 	COST_BREAK = 91,
 	COST_SURPLUS = 20,
 	COST_ERROR = 4,
+	COST_ERROR_COOKIE = 35,
+	COST_ERROR_FAULT = 31,
+	COST_ERROR_FAULT_8I20 = 19,
 	COST_ERROR_RUNNING = -11,
 	COST_ERROR_STAYS = 26, /* more when the state is not left */
 	COST_CHECK_STATUS = 42,

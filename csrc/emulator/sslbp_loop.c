@@ -43,14 +43,14 @@ static void note_loop_time(struct hm2_sslbp *s)
 
 static void init(struct hm2_sslbp *s)
 {
-	s->doorbell = 0;
 	s->result = HM2_SSLBP_RESULT_STOPPED_ALL;
 	s->place = PLACE_TOP;
-	s->cpu += COST_INIT + s->channels * COST_INIT_PER_CHANNEL;
+	s->cpu += COST_INIT - COST_RESET_DATA + s->channels * COST_INIT_PER_CHANNEL;
 	sslbp_global_init(s);
 }
 
-static void step(struct hm2_sslbp *s)
+/* What follows a reset, up to the main loop. */
+static void step_reset(struct hm2_sslbp *s)
 {
 	switch (s->place) {
 	case PLACE_RESET:
@@ -60,12 +60,25 @@ static void step(struct hm2_sslbp *s)
 		break;
 	case PLACE_CLEAR:
 		s->command = 0;
-		s->place = PLACE_INIT;
+		s->place = PLACE_FORGET;
 		s->cpu += COST_RESET_DOORBELL;
+		break;
+	case PLACE_FORGET:
+		s->doorbell = 0;
+		s->place = PLACE_INIT;
+		s->cpu += COST_RESET_DATA;
 		break;
 	case PLACE_INIT:
 		init(s);
 		break;
+	default: /* held */
+		break;
+	}
+}
+
+static void step(struct hm2_sslbp *s)
+{
+	switch (s->place) {
 	case PLACE_TOP:
 		note_loop_time(s);
 		s->cpu += sslbp_command_complete(s);
@@ -84,7 +97,8 @@ static void step(struct hm2_sslbp *s)
 			s->cpu += COST_TO_COMPLETE;
 		}
 		break;
-	default: /* held in reset */
+	default:
+		step_reset(s);
 		break;
 	}
 }

@@ -59,7 +59,7 @@ static int take_cookie(struct hm2_sslbp *s, int channel)
 	}
 	sslbp_channel_fail(s, channel, HM2_LOCAL_FAULT_INVALID_COOKIE, HM2_SSLBP_CHANNEL_COOKIE_ERRORS);
 	block[HM2_SSLBP_CHANNEL_STATE] = HM2_COM_STATE_START_PAUSE;
-	return COST_ERROR;
+	return COST_ERROR_COOKIE;
 }
 
 static int take_name(struct hm2_sslbp *s, int channel)
@@ -148,8 +148,9 @@ static int check_fault(struct hm2_sslbp *s, int channel)
 	uint8_t *block = sslbp_block(s, channel);
 	uint8_t *state = &block[HM2_SSLBP_CHANNEL_STATE];
 	int generic = *state == HM2_COM_STATE_FAULT_CHECK;
+	int first = *state == HM2_COM_STATE_FAULT_8I20_CHECK; /* of the two of an 8I20 */
 	uint8_t fault = generic ? block[0] : block[0] | block[1];
-	if (*state == HM2_COM_STATE_FAULT_8I20_CHECK)
+	if (first)
 		block[HM2_SSLBP_CHANNEL_REMOTE_FAULT] = fault;
 	if (fault) {
 		if (generic)
@@ -157,9 +158,9 @@ static int check_fault(struct hm2_sslbp *s, int channel)
 		fail_with_fault(s, channel);
 		if (generic)
 			*state = HM2_COM_STATE_FAULT_SEND;
-		return COST_CHECK_FAULT + COST_ERROR;
+		return COST_CHECK_FAULT + (first ? COST_ERROR_FAULT_8I20 : COST_ERROR_FAULT);
 	}
-	if (*state == HM2_COM_STATE_FAULT_8I20_CHECK) {
+	if (first) {
 		*state = HM2_COM_STATE_SETPOINT_8I20_SEND;
 		return COST_CHECK_FAULT;
 	}
@@ -177,7 +178,7 @@ int sslbp_check(struct hm2_sslbp *s, int channel)
 		if (block[0]) {
 			fail_with_fault(s, channel);
 			*state = HM2_COM_STATE_START_PAUSE;
-			return COST_CHECK_STATUS + COST_ERROR;
+			return COST_CHECK_STATUS + COST_ERROR_FAULT;
 		}
 		*state = HM2_COM_STATE_UNIT_NUMBER_SEND;
 		return COST_CHECK_STATUS;
