@@ -16,6 +16,7 @@ from hostmot2._core import ffi, lib
 from hostmot2.boards import BoardFacts
 from hostmot2.idrom import Idrom, Inventory, ModuleDescriptor, PinDescriptor, read_inventory
 from hostmot2.parts import PARTS
+from hostmot2.registers import Gtag
 from hostmot2.transports.base import Transport
 
 
@@ -119,7 +120,10 @@ class Board:
         for module in self.modules:
             if module.gtag == gtag:
                 return module
-        raise errors.ModuleMissing(f"{self.name}: the firmware has no module with gtag 0x{gtag:02X}")
+        name = Gtag(gtag).name.lower() if gtag in list(Gtag) else "such"
+        raise errors.ModuleMissing(
+            f"{self.name}: the loaded firmware has no {name} module (gtag 0x{gtag:02X})"
+        )
 
     def read(self, address: int, count: int = 1) -> Any:
         """The word at `address` (an int), or with `count` a list of that many consecutive words.
@@ -170,7 +174,7 @@ class Board:
 
         Raises ModuleMissing if it is not there, KeyError for a name this package does not know.
         """
-        return self._part("cards")[name.lower()]
+        return self._part("cards")[name]
 
     def on_close(self, action: Callable[[], object], order: int) -> None:
         """Call `action` when the board closes, before the transport does. order: see SafeOff.

@@ -48,6 +48,8 @@ class Bits(int):
     def __setitem__(self, bit: int, value: bool) -> None:
         if self._assign is None:
             raise TypeError("the bits of an input cannot be assigned")
+        if isinstance(value, str | bytes):  # "off" is true
+            raise TypeError(f"a bit takes True or False, not {type(value).__name__}")
         self._assign(self._position(bit), bool(value))
 
     def __len__(self) -> int:

@@ -520,7 +520,13 @@ def check(status: int, error: Any) -> None:
         return
     where = text(error.where)
     name = text(lib.hm2_status_name(status))
-    message = f"{where or 'hostmot2'}: {name} at 0x{error.address:04X}"
+    message = f"{where or 'hostmot2'}: {name}"
+    if status == lib.HM2_ERR_CLOSED:
+        message = "the board has been closed"
+    elif status == lib.HM2_ERR_GATED:
+        message = "nothing is written after a watchdog bite until watchdog.acknowledge()"
+    else:
+        message += f" at 0x{error.address:04X}"
     if error.os_errno:
         message += f" ({os.strerror(error.os_errno)})"
     if status in (lib.HM2_ERR_RANGE, lib.HM2_ERR_ALIGN):

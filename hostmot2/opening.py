@@ -25,6 +25,8 @@ def open_board(card: str | EmulatedBoard, *, strict: bool = True, board: BoardFa
     """
     if isinstance(card, str):
         return Board(open_transport(card), strict=strict, board=board)
+    if not hasattr(card, "handle"):
+        raise TypeError(f"a card is a URL or an EmulatedBoard, not {type(card).__name__}")
     from hostmot2.transports.emulated import transport_of  # the emulator is loaded only when wanted
 
     return Board(transport_of(card), strict=strict, board=board)

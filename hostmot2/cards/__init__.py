@@ -44,6 +44,8 @@ class Cards:
 
     def all(self, name: str) -> list[Any]:
         """All cards called `name`, in the order of their channels. Raises KeyError for an unknown name."""
+        if not isinstance(name, str):
+            raise TypeError(f"a card's name is a string such as '7i77', not {type(name).__name__}")
         name = name.lower()
         if name not in self._found:
             self._found[name] = list(self._finder(name)(self._board))

@@ -227,6 +227,8 @@ class GpioPin:
 
     def drive(self, level: bool, *, open_drain: bool = False, invert: bool = False) -> None:
         """Make the pin an output at `level`. Arms the watchdog, so exchanges must go on to keep it driven."""
+        if isinstance(level, str | bytes):  # "off" is true
+            raise TypeError(f"IO{self.index} is driven True or False, not {type(level).__name__}")
         ports = self._own()
         self._board.cycle.arm_watchdog()
         if ports.is_output(self.descriptor) and invert != ports.is_inverted(self.descriptor):

@@ -125,10 +125,11 @@ class SserialPort(PortMemory):
         for why, or `raise_for_failed()`.
 
         Blocks until the firmware is done, and running channels get no transfer meanwhile: 1 ms where a remote
-        is, 17 ms where none answers, 0.3 s for a remote that stays busy.
+        is, 17 ms where none answers, 0.3 s for a remote that stays busy. An armed watchdog hears nothing all
+        that time: start before you drive pins, or give it more.
 
-        Raises PortRunning for setup while channels run, CommandHung if the firmware had to be stopped,
-        ValueError for a mask outside 0..0xFF, TransportError.
+        Raises WatchdogBite, PortRunning for setup while channels run, CommandHung if the firmware had to be
+        stopped, ValueError for a mask outside 0..0xFF, TransportError.
         """
         _check_mask(mask)
         if mode not in ("normal", "setup"):
@@ -137,6 +138,8 @@ class SserialPort(PortMemory):
             self._ready()
             self._connect()
             failed = self._start_setup(mask) if mode == "setup" else self._start_normal(mask)
+            if failed:  # looking for remotes may take longer than the watchdog waits; then they are cut off
+                self._board.cycle.raise_for_bite()
             rows = self._remotes.evidence(mask) if failed else ()
             return StartResult(mask & self.started, failed, tuple(rows))
 
@@ -255,7 +258,9 @@ class SserialPort(PortMemory):
             self._ready()
             self._refuse_while_running()
             self._connect()
-            return Scan(self._remotes.look(self._core.existing))
+            rows = self._remotes.look(self._core.existing)
+            self._board.cycle.raise_for_bite()
+            return Scan(rows)
 
     def discover(self, channel: int) -> RemoteDescription:
         """Read one remote's tables anew; see Channel.discover."""

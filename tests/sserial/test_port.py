@@ -4,6 +4,7 @@ import pytest
 
 import hostmot2
 from hostmot2.emulator import EmulatedBoard, EmulatedRemote
+from hostmot2.errors import WatchdogBite
 from hostmot2.sserial import (
     BrokenTable,
     NoRemote,
@@ -280,3 +281,28 @@ def test_another_remote_plugged_in_while_others_run_leaves_their_outputs_alone(c
     hm2.sserial.stop()
     assert hm2.sserial.start(0b101).started == 0b101
     assert "current" in hm2.sserial.channels[2].outputs
+
+
+def test_a_bite_during_the_search_for_remotes_is_no_missing_remote(card, hm2, field):
+    hm2.gpio[30].drive(False)
+    with pytest.raises(WatchdogBite):
+        hm2.sserial.start(0b001)
+    assert card.pin(30).level == "H"
+    hm2.watchdog.acknowledge()
+    assert hm2.sserial.start(0b001).failed == 0
+
+
+def test_a_string_switches_nothing(card, hm2, field):
+    hm2.sserial.start(0b001)
+    with pytest.raises(TypeError):
+        hm2.sserial.channels[0].outputs["output"][0] = "off"
+    with pytest.raises(TypeError):
+        hm2.gpio[30].drive("off")
+    assert card.pin(30).level == "H"
+
+
+def test_what_is_no_card_is_a_type_error(hm2):
+    with pytest.raises(TypeError, match="int"):
+        hostmot2.open(5)
+    with pytest.raises(TypeError, match="int"):
+        hm2.card(7)
