@@ -122,9 +122,12 @@ class Watchdog:
     def acknowledge(self) -> None:
         """Accept a bite: writes are allowed again, the card's configuration is written anew.
 
-        Outputs stay off until they are enabled again; the watchdog stays disarmed until arm().
+        Outputs stay off until they are enabled again; the watchdog stays disarmed until arm(). Without a
+        bite nothing is done.
         """
         with self._board.lock:
+            if not self.check():
+                return
             self._state.has_bitten = 0
             lib.hm2_board_set_gate(self._board.handle, 0)
             self._board.write(self._address(Registers.timer.number), Registers.timer.stopped.mask)

@@ -317,7 +317,7 @@ def test_8i20_fault_at_the_first_check_is_read_once_and_needs_a_stop() -> None:
     remote = host.port.remote(0)
     assert remote is not None
     remote.fault_word, remote.fault_clears = 0x0104, False  # type: ignore[attr-defined]
-    assert host.command(START | 1) == US(827, abs=5)
+    assert host.command(START | 1) == US(827, abs=3)
     assert (host.read(DATA), host.cs()) == (1, 0x052DA1C0)
     assert host.variable(0x1A) == 20
     remote.fault_word = 0  # type: ignore[attr-defined]
@@ -332,7 +332,7 @@ def test_8i20_fault_at_the_first_check_is_read_once_and_needs_a_stop() -> None:
 def test_8i20_fault_at_the_second_check() -> None:
     host = the_8i20()
     host.port.remote(0).fault_word_on_enable = 0x0100  # type: ignore[union-attr]
-    assert host.command(START | 1) == US(980, abs=6)
+    assert host.command(START | 1) == US(980, abs=3)
     assert (host.read(DATA), host.cs()) == (1, 0x0037A1C0)
 
 

@@ -174,3 +174,16 @@ def test_switching_off_is_possible_after_a_bite(generators: EmulatedBoard) -> No
         stepgen.enable = pwmgen.enable = False
         board.watchdog.acknowledge()
         assert (stepgen.enable, pwmgen.enable) == (False, False)
+
+
+def test_acknowledging_without_a_bite_changes_nothing(board: Board, emulated: EmulatedBoard) -> None:
+    board.watchdog.acknowledge()
+    board.gpio[FREE].drive(False)
+    board.watchdog.acknowledge()
+    assert emulated.pin(FREE).level == "0"
+    assert board.watchdog.armed
+    emulated.advance(60_000.0)
+    assert emulated.pin(FREE).level == "H"
+    board.watchdog.acknowledge()  # nobody had looked: now it is seen and acknowledged
+    assert not board.watchdog.armed
+    assert emulated.pin(FREE).level == "H"
