@@ -501,6 +501,14 @@ int hm2_emulator_encoder_position(hm2_emulator *card, int encoder, int64_t *posi
 int hm2_emulator_set_mux_delay_ps(hm2_emulator *card, int64_t delay_ps);
 /* What the multiplexer of an InMux offers: bit n is the level of input n. HM2_ERR_RANGE: no such instance. */
 int hm2_emulator_inmux_set(hm2_emulator *card, int unit, uint32_t levels);
+/* A signal at a period meter, from now on; period 0: none. HM2_ERR_RANGE */
+int hm2_emulator_period_signal(hm2_emulator *card, int unit, int64_t period_ps, int64_t high_ps);
+/* A resolver's shaft: where it is now, in 2^-32 electrical turns, and how it turns on. HM2_ERR_RANGE */
+int hm2_emulator_resolver_set(hm2_emulator *card, int channel, uint32_t angle, double turns_per_second);
+int hm2_emulator_resolver_flag(hm2_emulator *card, int channel, int flag); /* its bit in the status register */
+int hm2_emulator_resolver_angle(hm2_emulator *card, int channel, uint32_t *angle);
+/* An SSI encoder and what it sends; plugged 0: its line floats. HM2_ERR_RANGE */
+int hm2_emulator_ssi_set(hm2_emulator *card, int channel, int plugged, uint64_t value);
 uint32_t hm2_emulator_leds(const hm2_emulator *card);    /* bit n: LED CRn+1 is lit */
 int hm2_emulator_interrupt(hm2_emulator *card);          /* 1: INT is asserted */
 /* ---- encoders (encoder.c, encoder_index.c): 16-bit counts and timestamps made whole ------- */
@@ -1167,6 +1175,64 @@ typedef struct hm2_field_inputs {
 } hm2_field_inputs;
 
 void hm2_field_inputs_part(hm2_field_inputs *inputs, hm2_cyclic *part);
+
+/* ---- resolvers (resolver.c): electrical turns extended to 64 bits ---------------------------- */
+
+/* One resolver; the caller owns it and zeroes it first. Angles are in 2^-32 electrical turns. */
+typedef struct hm2_resolver {
+	int64_t turns;        /* since switched on; the first reading is its angle */
+	int64_t zero;         /* turns of position 0 */
+	int32_t index_enable; /* 1: the next index sets `zero` there and clears this */
+	uint32_t index_divisor; /* electrical turns between two indexes, > 0 */
+	uint32_t last;
+	int32_t valid;
+} hm2_resolver;
+
+/* Takes in a position. Moves of half a turn and more between two updates cannot be told from shorter ones. */
+void hm2_resolver_update(hm2_resolver *resolver, uint32_t position);
+
+typedef struct hm2_resolvers {
+	hm2_resolver *resolvers; /* count of them */
+	uint32_t *words;         /* room for 1 + 2 * count: status, velocities, positions */
+	uint32_t count;
+	uint32_t status_address, velocity_address, position_address;
+} hm2_resolvers;
+
+void hm2_resolvers_part(hm2_resolvers *resolvers, hm2_cyclic *part);
+
+/* ---- absolute encoders (absolute_encoder.c): SSI ------------------------------------------- */
+
+/* One channel; the caller owns it and zeroes it first. */
+typedef struct hm2_absolute {
+	/* settings: the position within the data, from one or two runs of bits */
+	uint32_t bits;                 /* of the data, 1 to 64; 0: channel not used */
+	uint32_t low_shift, low_bits;  /* low_bits 0: no position in the data */
+	uint32_t high_shift, high_bits;
+	int32_t gray;                  /* 1: the position is in Gray code */
+	/* results */
+	uint64_t data;                 /* last good reading */
+	int64_t count;                 /* position extended over its wrap */
+	int32_t fresh;                 /* 1: the last exchange brought a new reading */
+	uint32_t missed;               /* exchanges in a row that did not */
+	int32_t valid;                 /* 1: there has been a good reading */
+	/* private */
+	uint64_t last;
+} hm2_absolute;
+
+void hm2_absolute_update(hm2_absolute *channel, uint64_t data);
+
+/* All channels of a module. Busy flags are read before control, control before data; what a start of all
+ * channels brings is there for a later exchange. */
+typedef struct hm2_absolutes {
+	hm2_absolute *channels;  /* count of them */
+	uint32_t *words;         /* room for 2 + 3 * count: busy, controls, high and low words of data, start */
+	uint32_t count;
+	uint32_t busy_address, control_address, high_address, low_address;
+	uint32_t control_busy_mask, control_available_mask;
+	int32_t start;           /* 1: write a start in each exchange */
+} hm2_absolutes;
+
+void hm2_absolutes_part(hm2_absolutes *absolutes, hm2_cyclic *part);
 
 /* ---- recording (record_ring.c): one record per cycle, from the cycle's thread to a writer ----- */
 

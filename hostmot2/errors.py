@@ -25,6 +25,7 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |    +-- PinInUse
      |    +-- WatchdogBite
      |    +-- FaultPresent
+     |    +-- ModuleTimeout               (also TimeoutError)
      |    +-- IdromError
      |         +-- WrongCookie
      |         +-- WrongConfigName
@@ -256,6 +257,13 @@ class FaultPresent(BoardError):
 
     code = "HM2-E044"
     fix = "Remove the cause of the fault, check the fault input's polarity, then enable again."
+
+
+class ModuleTimeout(BoardError, TimeoutError):
+    """A module of the card did not finish what it was asked to do."""
+
+    code = "HM2-E045"
+    fix = "What hangs on the module may be without power or not there; is the bitfile the one for this card?"
 
 
 class IdromError(BoardError):

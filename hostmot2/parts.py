@@ -25,4 +25,11 @@ PARTS: dict[str, tuple[str, str]] = {
     "outms": ("hostmot2.modules.outputs", "Outms"),
     "inms": ("hostmot2.modules.field_input", "Inms"),
     "inmuxes": ("hostmot2.modules.field_input", "Inmuxes"),
+    "oneshots": ("hostmot2.modules.oneshot", "Oneshots"),
+    "periods": ("hostmot2.modules.period", "Periods"),
+    "resolvers": ("hostmot2.modules.resolver", "Resolvers"),
+    "ssis": ("hostmot2.modules.ssi", "Ssis"),
+    "bisses": ("hostmot2.modules.unsupported", "Bisses"),
+    "fanucs": ("hostmot2.modules.unsupported", "Fanucs"),
+    "xy2mods": ("hostmot2.modules.unsupported", "Xy2mods"),
 }

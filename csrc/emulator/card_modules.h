@@ -21,6 +21,10 @@ extern const struct card_module_type rcpwm_type;
 extern const struct card_module_type tp_pwm_type;
 extern const struct card_module_type inm_type;
 extern const struct card_module_type inmux_type;
+extern const struct card_module_type oneshot_type;
+extern const struct card_module_type period_type;
+extern const struct card_module_type resolver_type;
+extern const struct card_module_type ssi_type;
 
 /* ioport.c */
 struct ioport {

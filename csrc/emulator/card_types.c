@@ -19,6 +19,10 @@ static const struct card_module_type *const types[] = {
 	&tp_pwm_type,
 	&inm_type,
 	&inmux_type,
+	&oneshot_type,
+	&period_type,
+	&resolver_type,
+	&ssi_type,
 };
 
 const struct card_module_type *card_module_type(uint8_t gtag)

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 from hostmot2._core import ffi, lib
 from hostmot2.emulator import catalog
 from hostmot2.emulator.cards import IDROM_WORDS, CardDescription, card
-from hostmot2.emulator.stimulus import EmulatedInmux
+from hostmot2.emulator.stimulus import EmulatedInmux, EmulatedResolver, EmulatedSignal, EmulatedSsiEncoder
 from hostmot2.errors import check, new_error
 
 Stimulus = TypeVar("Stimulus")
@@ -360,6 +360,18 @@ class EmulatedBoard:
     def inmux(self, unit: int) -> EmulatedInmux:
         """What hangs on InMux instance `unit`. Raises IndexError when the card has none."""
         return self._stimulus(EmulatedInmux, unit)
+
+    def period(self, unit: int) -> EmulatedSignal:
+        """The signal generator at period meter `unit`. Raises IndexError when the card has none."""
+        return self._stimulus(EmulatedSignal, unit)
+
+    def resolver(self, channel: int) -> EmulatedResolver:
+        """The resolver on `channel`. Raises IndexError when the card has none."""
+        return self._stimulus(EmulatedResolver, channel)
+
+    def ssi(self, channel: int) -> EmulatedSsiEncoder:
+        """The SSI encoder on `channel`. Raises IndexError when the card has none."""
+        return self._stimulus(EmulatedSsiEncoder, channel)
 
     @property
     def mux_delay_ns(self) -> float:
