@@ -206,7 +206,6 @@ class Oneshot:
         for timer in self.timers:
             self.write(Registers.width1.number + timer.index, timer._width)
             self.write(Registers.filter1.number + timer.index, timer._filter)
-            self.let_go_of_timer(timer.index)
         self.write(Registers.rate.number, self._rate)
         self.configure()
 

@@ -124,8 +124,6 @@ class OutputInstances(Instances[FieldOutputs]):
             outputs._enable = False
         self.update()
         self.write_now()
-        for outputs in self._instances:
-            self.switch(outputs.index, False)
 
 
 class Outms(OutputInstances):
@@ -158,6 +156,12 @@ class Ssrs(OutputInstances):
             raise ValueError(f"SSR carrier of {hertz} Hz: not within {_LOWEST:.0f} to {_HIGHEST:.0f} Hz")
         divider = round(self.clock / (2 * hertz)) - 2
         self._divider = max(0, min(divider, Ssr.rate.divider.maximum))
+        for instance in range(len(self)):
+            self._write_rate(instance)
+
+    def _off(self) -> None:
+        super()._off()
+        self._running.clear()
         for instance in range(len(self)):
             self._write_rate(instance)
 

@@ -146,7 +146,6 @@ class Rcpwms(Instances[Rcpwm]):
     def _off(self) -> None:
         for rcpwm in self._instances:
             rcpwm._enable = False
-            self.let_go(rcpwm.index)
         self.update()
         self.write(Registers.rate.number, self._period - 2)
         self.write_now()

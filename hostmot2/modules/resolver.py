@@ -123,7 +123,7 @@ class Resolvers(Instances[Resolver]):
         self.words: Any = ffi.new("uint32_t[]", 1 + 2 * _CHANNELS)
         self._states: Any = ffi.new("hm2_resolver[]", _CHANNELS)
         self._instances = [Resolver(self, n, self._states + n) for n in range(_CHANNELS)]
-        board.ioport.claim(self.pins(0), "resolver")
+        board.ioport.claim(self.pins(0), "resolver", after_bite=True)
         self._nominal: float = 5
         self._excite()
         self._join_cycle()

@@ -173,7 +173,7 @@ class Ssis(Instances[Ssi]):
         """Set one channel up and claim its pins, or stop it."""
         self._group.start = any(ssi.is_started_by_exchange for ssi in self._instances)
         if channel.is_running:
-            self.board.ioport.claim(self.pins(channel.index), f"ssi {channel.index}")
+            self.board.ioport.claim(self.pins(channel.index), f"ssi {channel.index}", after_bite=True)
         self.board.write(self._control_address(channel.index), channel.control_word())
         self.read(Registers.data0.number, channel.index)  # what is there is of before
 
