@@ -509,6 +509,26 @@ int hm2_emulator_resolver_flag(hm2_emulator *card, int channel, int flag); /* it
 int hm2_emulator_resolver_angle(hm2_emulator *card, int channel, uint32_t *angle);
 /* An SSI encoder and what it sends; plugged 0: its line floats. HM2_ERR_RANGE */
 int hm2_emulator_ssi_set(hm2_emulator *card, int channel, int plugged, uint64_t value);
+/* Bytes for a UART's receiver, at its bit rate; HM2_ERR_RANGE: no such instance, or more than 4096 wait. What its
+ * transmitter has sent since the last call. */
+int hm2_emulator_uart_send(hm2_emulator *card, int unit, const uint8_t *bytes, size_t count);
+int hm2_emulator_uart_received(hm2_emulator *card, int unit, uint8_t *bytes, size_t capacity, size_t *count);
+/* A frame that a packet UART has received, with the flags of its frame word; 1 to 1023 bytes. The oldest frame
+ * that was sent: 1, 0 if there is none; capacity: at least 1023. HM2_ERR_RANGE */
+int hm2_emulator_pktuart_send(hm2_emulator *card, int unit, const uint8_t *bytes, size_t count, uint32_t flags);
+int hm2_emulator_pktuart_received(hm2_emulator *card, int unit, uint8_t *bytes, size_t capacity, size_t *count);
+
+/* A word that went out on a buffered SPI. */
+typedef struct hm2_spi_record {
+	uint32_t value;
+	uint32_t bits;
+	uint32_t chip_select;
+	uint32_t channel;
+} hm2_spi_record;
+
+/* Answers to the next words, one each, 256 at most; what went out since the last call, 256 at most. HM2_ERR_RANGE */
+int hm2_emulator_bspi_answer(hm2_emulator *card, int unit, const uint32_t *words, size_t count);
+int hm2_emulator_bspi_sent(hm2_emulator *card, int unit, hm2_spi_record *records, size_t capacity, size_t *count);
 uint32_t hm2_emulator_leds(const hm2_emulator *card);    /* bit n: LED CRn+1 is lit */
 int hm2_emulator_interrupt(hm2_emulator *card);          /* 1: INT is asserted */
 /* ---- encoders (encoder.c, encoder_index.c): 16-bit counts and timestamps made whole ------- */

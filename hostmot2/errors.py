@@ -26,6 +26,7 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |    +-- WatchdogBite
      |    +-- FaultPresent
      |    +-- ModuleTimeout               (also TimeoutError)
+     |    +-- DataLost
      |    +-- IdromError
      |         +-- WrongCookie
      |         +-- WrongConfigName
@@ -264,6 +265,13 @@ class ModuleTimeout(BoardError, TimeoutError):
 
     code = "HM2-E045"
     fix = "What hangs on the module may be without power or not there; is the bitfile the one for this card?"
+
+
+class DataLost(BoardError):
+    """A receiver of the card had no room: data was lost. Said once, reading goes on. index: the instance."""
+
+    code = "HM2-E046"
+    fix = "Read more often, or make the other side send less at a time."
 
 
 class IdromError(BoardError):

@@ -46,6 +46,12 @@ def test_no_function_and_no_file_is_too_long() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_the_table_of_capabilities_names_what_exists() -> None:
+    command = [sys.executable, "docs/generate_capabilities.py", "--check"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
 @pytest.mark.parametrize("command", [["check"], ["format", "--check"]], ids=["lint", "format"])
 def test_the_code_is_in_the_style_of_pyproject(command: list[str]) -> None:
     if not importlib.util.find_spec("ruff"):

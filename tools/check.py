@@ -226,6 +226,7 @@ def editable_install() -> str:
 def types() -> str:
     """mypy --strict."""
     run(PYTHON, "-m", "mypy", "--strict", "registers/generate.py")
+    run(PYTHON, "-m", "mypy", "--strict", "docs/generate_capabilities.py")
     run(PYTHON, "-m", "mypy", "--strict", "tools/check.py", "tools/sizes.py")
     return last_line(run(PYTHON, "-m", "mypy"))
 
@@ -252,6 +253,13 @@ def format() -> str:
 def registers() -> str:
     """The generated files follow from registers/*.rdl."""
     run(PYTHON, "registers/generate.py", "--check")
+    return "no drift"
+
+
+@step
+def capabilities() -> str:
+    """The table of capabilities names what exists and is up to date."""
+    run(PYTHON, "docs/generate_capabilities.py", "--check")
     return "no drift"
 
 

@@ -25,6 +25,12 @@ extern const struct card_module_type oneshot_type;
 extern const struct card_module_type period_type;
 extern const struct card_module_type resolver_type;
 extern const struct card_module_type ssi_type;
+extern const struct card_module_type uart_tx_type;
+extern const struct card_module_type uart_rx_type;
+extern const struct card_module_type pktuart_tx_type;
+extern const struct card_module_type pktuart_rx_type;
+extern const struct card_module_type bspi_type;
+extern const struct card_module_type dbspi_type;
 
 /* ioport.c */
 struct ioport {

@@ -23,6 +23,12 @@ static const struct card_module_type *const types[] = {
 	&period_type,
 	&resolver_type,
 	&ssi_type,
+	&uart_tx_type,
+	&uart_rx_type,
+	&pktuart_tx_type,
+	&pktuart_rx_type,
+	&bspi_type,
+	&dbspi_type,
 };
 
 const struct card_module_type *card_module_type(uint8_t gtag)

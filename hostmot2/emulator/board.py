@@ -9,7 +9,15 @@ from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 from hostmot2._core import ffi, lib
 from hostmot2.emulator import catalog
 from hostmot2.emulator.cards import IDROM_WORDS, CardDescription, card
-from hostmot2.emulator.stimulus import EmulatedInmux, EmulatedResolver, EmulatedSignal, EmulatedSsiEncoder
+from hostmot2.emulator.stimulus import (
+    EmulatedInmux,
+    EmulatedPktuart,
+    EmulatedResolver,
+    EmulatedSignal,
+    EmulatedSpiSlaves,
+    EmulatedSsiEncoder,
+    EmulatedUart,
+)
 from hostmot2.errors import check, new_error
 
 Stimulus = TypeVar("Stimulus")
@@ -372,6 +380,18 @@ class EmulatedBoard:
     def ssi(self, channel: int) -> EmulatedSsiEncoder:
         """The SSI encoder on `channel`. Raises IndexError when the card has none."""
         return self._stimulus(EmulatedSsiEncoder, channel)
+
+    def uart(self, unit: int) -> EmulatedUart:
+        """What hangs on UART `unit`."""
+        return self._stimulus(EmulatedUart, unit)
+
+    def pktuart(self, unit: int) -> EmulatedPktuart:
+        """What hangs on packet UART `unit`."""
+        return self._stimulus(EmulatedPktuart, unit)
+
+    def bspi(self, unit: int) -> EmulatedSpiSlaves:
+        """What hangs on buffered SPI `unit`. Raises IndexError when the card has none."""
+        return self._stimulus(EmulatedSpiSlaves, unit)
 
     @property
     def mux_delay_ns(self) -> float:

@@ -74,6 +74,8 @@ class CardDescription:
     lbp16_name: str = ""
     """The board name an Ethernet card gives in LBP16 space 7; empty for the others."""
     idrom_type: int = field(default=3)
+    instance_stride: int = 64
+    """The second instance stride: 64, 16 where there are UARTs."""
 
     def idrom(self) -> list[int]:
         """The 256 words from the IDROM offset on. Raises ValueError when it does not fit."""
@@ -85,7 +87,7 @@ class CardDescription:
             int.from_bytes(name[:4], "little"), int.from_bytes(name[4:], "little"),
             self.fpga_size, self.fpga_pins,
             len(self.pins) // self.port_width, len(self.pins), self.port_width,
-            self.clock_low, self.clock_high, 4, 64, 256, 256,
+            self.clock_low, self.clock_high, 4, self.instance_stride, 256, 256,
         ]  # fmt: skip
         words = header + [0] * (IDROM_WORDS - len(header))
         descriptors = [word for module in self.modules for word in module.words()]

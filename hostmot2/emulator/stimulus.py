@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 from hostmot2._core import ffi, lib
+from hostmot2.registers import PktuartRx
 
 
 def _checked(status: int, what: str) -> None:
@@ -123,3 +125,93 @@ class EmulatedSsiEncoder:
     def _write(self, plugged: int) -> None:
         status = lib.hm2_emulator_ssi_set(self._handle, self.channel, plugged, self._value)
         _checked(status, f"SSI channel {self.channel}")
+
+
+class EmulatedUart:
+    """What hangs on a UART: a terminal that hears the transmitter and talks to the receiver."""
+
+    def __init__(self, handle: Any, unit: int) -> None:
+        self._handle, self.unit = handle, unit
+
+    def send(self, data: bytes) -> None:
+        """Put bytes on the receiver's line, behind those under way; at the receiver's bit rate."""
+        status = lib.hm2_emulator_uart_send(self._handle, self.unit, data, len(data))
+        _checked(status, f"UART receiver {self.unit}, or its line has more than 4096 bytes waiting")
+
+    @property
+    def received(self) -> bytes:
+        """What the transmitter has sent since last asked."""
+        capacity = 4096
+        data, count = ffi.new("uint8_t[]", capacity), ffi.new("size_t *")
+        status = lib.hm2_emulator_uart_received(self._handle, self.unit, data, capacity, count)
+        _checked(status, f"UART transmitter {self.unit}")
+        return bytes(data[0 : count[0]])
+
+
+class EmulatedPktuart:
+    """What hangs on a packet UART."""
+
+    def __init__(self, handle: Any, unit: int) -> None:
+        self._handle, self.unit = handle, unit
+
+    def send(
+        self,
+        frame: bytes,
+        *,
+        start_error: bool = False,
+        overrun: bool = False,
+        parity_error: bool = False,
+        longest_gap: int = 0,
+    ) -> None:
+        """A frame of 1 to 1023 bytes that has just arrived, and what the receiver says of it.
+
+        Lost if the receiver is off; lost and flagged if it has no room.
+        """
+        count = PktuartRx.frame_count
+        flags = count.start_error.put(start_error) | count.overrun.put(overrun)
+        flags |= count.parity_error.put(parity_error) | count.longest_gap.put(longest_gap)
+        status = lib.hm2_emulator_pktuart_send(self._handle, self.unit, frame, len(frame), flags)
+        _checked(status, f"packet UART receiver {self.unit} for {len(frame)} bytes")
+
+    @property
+    def received(self) -> list[bytes]:
+        """The frames that were sent since last asked."""
+        capacity = 1023
+        data, count = ffi.new("uint8_t[]", capacity), ffi.new("size_t *")
+        frames: list[bytes] = []
+        while True:
+            status = lib.hm2_emulator_pktuart_received(self._handle, self.unit, data, capacity, count)
+            _checked(status, f"packet UART transmitter {self.unit}")
+            if not status:
+                return frames
+            frames.append(bytes(data[0 : count[0]]))
+
+
+class SpiWord(NamedTuple):
+    """A word that went out on a buffered SPI."""
+
+    value: int
+    bits: int
+    chip_select: int
+    channel: int
+
+
+class EmulatedSpiSlaves:
+    """What hangs on a buffered SPI."""
+
+    def __init__(self, handle: Any, unit: int) -> None:
+        self._handle, self.unit = handle, unit
+        self.answer([])
+
+    def answer(self, words: Sequence[int]) -> None:
+        """What is shifted in with the next words, one each, whoever is selected; ones without an answer."""
+        status = lib.hm2_emulator_bspi_answer(self._handle, self.unit, list(words), len(words))
+        _checked(status, f"buffered SPI {self.unit}, or more than 256 answers wait")
+
+    @property
+    def sent(self) -> list[SpiWord]:
+        """What went out since last asked."""
+        capacity = 256
+        records, count = ffi.new("hm2_spi_record[]", capacity), ffi.new("size_t *")
+        lib.hm2_emulator_bspi_sent(self._handle, self.unit, records, capacity, count)
+        return [SpiWord(r.value, r.bits, r.chip_select, r.channel) for r in records[0 : count[0]]]

@@ -11,7 +11,9 @@ WIDTH = 24
 CLOCK_LOW, CLOCK_HIGH = 100_000_000, 200_000_000
 
 
-def module_card(*rows: ModuleWords, pins: tuple[int, ...], clock_low: int = CLOCK_LOW) -> CardDescription:
+def module_card(
+    *rows: ModuleWords, pins: tuple[int, ...], clock_low: int = CLOCK_LOW, instance_stride: int = 64
+) -> CardDescription:
     """A card with these modules and pins from IO0 on; the rest of the port is GPIO."""
     ports = -(-len(pins) // WIDTH)
     modules = (
@@ -29,6 +31,7 @@ def module_card(*rows: ModuleWords, pins: tuple[int, ...], clock_low: int = CLOC
         clock_low=clock_low,
         clock_high=CLOCK_HIGH,
         bus="ethernet",
+        instance_stride=instance_stride,
     )
 
 

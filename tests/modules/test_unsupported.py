@@ -28,7 +28,7 @@ def test_the_refusal_says_what_disagrees(name: str, base: int, text: str) -> Non
         assert caught.value.address == base
 
 
-@pytest.mark.parametrize("name", ["bisses", "fanucs", "xy2mods", "tp_pwms"])
+@pytest.mark.parametrize("name", ["bisses", "fanucs", "xy2mods", "tp_pwms", "uarts", "bspis"])
 def test_a_card_without_it_says_so(name: str) -> None:
     with hostmot2.open(EmulatedBoard(clock="virtual")) as board, pytest.raises(errors.ModuleMissing):
         getattr(board, name)
