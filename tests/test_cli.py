@@ -118,6 +118,15 @@ def test_an_error_with_json_is_a_document_too(hm2) -> None:
     assert error["message"] in err
 
 
+@pytest.mark.parametrize(
+    "arguments", [("peek", "zz"), ("poke", "0x1000", "0"), ("flash", "info"), ("info", "--bogus")]
+)
+def test_wrong_usage_with_json_is_a_document_too(hm2, arguments: tuple[str, ...]) -> None:
+    status, out, err = hm2("--json", "--board", "emu://5i25+7i77", *arguments)
+    error = json.loads(out)["error"]
+    assert (status, error["exit_code"], error["message"] in err) == (2, 2, True)
+
+
 def test_a_file_that_is_no_card_is_a_device_fault(hm2, tmp_path) -> None:
     (tmp_path / "zeros").write_bytes(bytes(0x10000))
     status, _, err = hm2("--board", f"pci://{tmp_path / 'zeros'}", "info")

@@ -154,6 +154,9 @@ def test_emu_gets_and_sets(emulator, hm2):
     assert float(ask(control, "get", "fault.loss")) == 0
     hm2(*at, "set", "encoder0_position", "-5")
     assert hm2(*at, "get", "encoder0_position")[1] == "-5\n"
+    assert hm2(*at, "get", "encoder0_rate")[1] == "0\n"
+    assert hm2(*at, "set", "encoder0_rate", "-1000.5")[0] == 0
+    assert hm2(*at, "get", "encoder0_rate")[1] == "-1000.5\n"
     for wrong in (
         ("get", "nothing"),
         ("set", "fault.loss", "2"),
@@ -161,7 +164,24 @@ def test_emu_gets_and_sets(emulator, hm2):
         ("get", "encoder9_x"),
     ):
         assert hm2(*at, *wrong)[0] == 2
-    assert hm2("emu", "--control", os.devnull + "x", "get", "led0")[0] == 3
+    status, _, err = hm2("emu", "--control", os.devnull + "x", "get", "led0")
+    assert (status, os.devnull + "x" in err) == (3, True)
+
+
+def test_the_control_socket_of_a_killed_emulator_is_taken_over_and_no_other(emulator, hm2, tmp_path: Path):
+    process, _, control = emulator
+    at = ("emulate", "7i92+7i77", "--listen", "127.0.0.1:0", "--control")
+    status, _, err = hm2(*at, str(control))
+    assert (status, str(control) in err) == (5, True)
+    assert ask(control, "get", "led0") == "0"
+    process.kill()
+    process.wait()
+    with emulate("7i92+7i77", "--control", str(control)):
+        assert ask(control, "get", "led0") == "0"
+    notes = tmp_path / "notes.txt"
+    notes.write_text("mine")
+    assert hm2(*at, str(notes))[0] == 5
+    assert notes.read_text() == "mine"
 
 
 def test_only_ethernet_cards_are_served(hm2):

@@ -69,3 +69,16 @@ def show(error: BaseException, *, as_json: bool) -> int:
             click.echo(f"  {error.fix}", err=True)
         click.echo(f"  more: hm2 explain {error.code}", err=True)
     return exit_code(error)
+
+
+def show_usage(error: click.ClickException, *, as_json: bool) -> int:
+    """The same for what was typed wrongly: how the command is used goes to stderr."""
+    if as_json:
+        found = {
+            "type": type(error).__name__,
+            "message": error.format_message(),
+            "exit_code": error.exit_code,
+        }
+        click.echo(json.dumps({"error": found}, indent=2))
+    error.show()
+    return error.exit_code

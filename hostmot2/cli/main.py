@@ -89,8 +89,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except click.exceptions.Exit as end:
         status = end.exit_code
     except click.ClickException as error:
-        error.show()
-        status = error.exit_code
+        status = failure.show_usage(error, as_json=session.as_json)
     except (click.Abort, KeyboardInterrupt):
         click.echo("hm2: interrupted", err=True)
         status = 130

@@ -4,7 +4,7 @@ One request a line, `get KEY` or `set KEY VALUE`; one answer a line, a number or
 
 Keys of the first daughter card (others with their number before: `1.output`): `output` (16-bit, field
 outputs), `input` (32-bit, field inputs), `analogout0`..`5` (volts, 0 while its enable is off), `analogena`,
-`spinena`, and any element of its remotes by name. Of the card: `encoder0_rate`.. (counts/s),
+`spinena`, and any element of its remotes by name. Of the card: `encoder0_rate`.. (counts/s, as set here),
 `encoder0_position`.. (counts), `led0`.., `requests`, `replies`. Of the network: `fault.loss`, `fault.dup`,
 `fault.reorder` (0 to 1), `fault.delay`, `fault.jitter` (microseconds), `fault.requests`, `fault.replies` (0
 or 1: the directions it acts on), `fault.seed`.
@@ -45,6 +45,7 @@ class Controls:
         self._board = board
         self._server = server
         self._fault = fault or Fault()
+        self._rates: dict[int, float] = {}
 
     def get(self, key: str) -> float:
         """A key's value. Raises KeyError."""
@@ -92,7 +93,7 @@ class Controls:
         if match := re.fullmatch(r"encoder(\d+)_(rate|position)", key):
             encoder = self._encoder(int(match[1]))
             if match[2] == "rate":
-                raise ValueError(f"{key} can only be set; encoder{match[1]}_position tells where it is")
+                return lambda: self._rates.get(encoder.number, 0.0)
             return lambda: encoder.position
         if match := re.fullmatch(r"led(\d+)", key):
             number, leds = int(match[1]), self._board.description.leds if self._board.description else 2
@@ -106,12 +107,16 @@ class Controls:
         if match := re.fullmatch(r"encoder(\d+)_(rate|position)", key):
             encoder = self._encoder(int(match[1]))
             if match[2] == "rate":
-                return encoder.set_rate
+                return lambda value: self._set_rate(encoder, value)
             return lambda value: setattr(encoder, "position", round(value))
         if re.fullmatch(r"led\d+", key):
             raise ValueError(f"{key} can only be read")
         remote, name = self._element(key)
         return lambda value: remote.set(name, int(value) if value == int(value) else value)
+
+    def _set_rate(self, encoder: EmulatedEncoder, counts_per_second: float) -> None:
+        encoder.set_rate(counts_per_second)
+        self._rates[encoder.number] = counts_per_second
 
     def _encoder(self, number: int) -> EmulatedEncoder:
         with self._server.card.hold():
@@ -158,14 +163,35 @@ def answer(controls: Controls, line: str) -> str:
         return f"error: {error.args[0] if error.args else error}"
 
 
+def _with_path(error: OSError, path: str | Path) -> OSError:
+    """The same error, saying which socket; as it is when there is no error number (a path too long)."""
+    return OSError(error.errno, error.strerror, os.fspath(path)) if error.errno else error
+
+
+def _remove_abandoned(path: Path) -> None:
+    """A socket whose emulator was killed is in nobody's use; one that answers, or any other file, stays."""
+    if not path.is_socket():
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
+        try:
+            client.connect(os.fspath(path))
+        except ConnectionRefusedError:
+            path.unlink(missing_ok=True)
+
+
 class ControlServer:
     """The Unix socket. A context manager; leaving it removes the socket."""
 
     def __init__(self, path: str | Path, controls: Controls) -> None:
         self.path = Path(path)
         self._controls = controls
+        _remove_abandoned(self.path)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._socket.bind(os.fspath(self.path))
+        try:
+            self._socket.bind(os.fspath(self.path))
+        except OSError as error:
+            self._socket.close()
+            raise _with_path(error, self.path) from None
         self._socket.listen(8)
         self._thread = threading.Thread(target=self._run, name="hm2 control", daemon=True)
 
@@ -203,7 +229,10 @@ def ask(path: str | Path, *words: str, timeout: float = 5.0) -> str:
     """Send one request to a running emulator; its answer. Raises OSError, ValueError for an error answer."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
         client.settimeout(timeout)
-        client.connect(os.fspath(path))
+        try:
+            client.connect(os.fspath(path))
+        except OSError as error:
+            raise _with_path(error, path) from None
         stream: Any = client.makefile("rw", encoding="utf-8")
         with stream:
             stream.write(" ".join(words) + "\n")
