@@ -101,6 +101,8 @@ int sserial_settle(struct hm2_sserial *port, const char *where, hm2_error *error
 /* Waits for the command that was written; HM2_ERR_TIMEOUT leaves it hung. */
 int sserial_wait(struct hm2_sserial *port, int64_t poll_ns, hm2_error *error);
 void sserial_written(struct hm2_sserial *port, int64_t limit_ns);
+/* Its write is acknowledged: the limit runs from now. A network may have needed to repeat it. */
+void sserial_arrived(struct hm2_sserial *port);
 /* A hung command: stops everything by what means it takes; returns HM2_ERR_TIMEOUT with the evidence. */
 int sserial_recover(struct hm2_sserial *port, const char *where, hm2_error *error);
 int sserial_unjam(struct hm2_sserial *port, hm2_error *error);

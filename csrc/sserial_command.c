@@ -42,6 +42,11 @@ void sserial_written(struct hm2_sserial *port, int64_t limit_ns)
 	port->busy_until_ns = hm2_board_now_ns(port->board) + limit_ns;
 }
 
+void sserial_arrived(struct hm2_sserial *port)
+{
+	port->busy_until_ns = hm2_board_now_ns(port->board) + port->busy_limit_ns;
+}
+
 /* The command is noted as pending before its write: if the write fails on its way, nobody knows
  * whether it has arrived. */
 static int write_command(struct hm2_sserial *port, uint32_t command, int64_t limit_ns, hm2_error *error)
@@ -49,7 +54,7 @@ static int write_command(struct hm2_sserial *port, uint32_t command, int64_t lim
 	sserial_written(port, limit_ns);
 	const int status = sserial_write(port, HM2_SSERIAL_COMMAND, 0, command, error);
 	if (status == HM2_OK)
-		sserial_written(port, limit_ns); /* a write that was lost and repeated arrived only now */
+		sserial_arrived(port);
 	return status;
 }
 

@@ -65,6 +65,8 @@ static void cyclic_process(void *self, int64_t now_ns)
 	const int followed = port->launched != 0;
 	port->landed = port->landed_failed = 0;
 	if (!port->reading) {
+		if (followed)
+			sserial_arrived(port);
 		note_launch(port);
 		return;
 	}
@@ -77,6 +79,8 @@ static void cyclic_process(void *self, int64_t now_ns)
 	port->landed_failed = (uint32_t)sserial_take_results(port);
 	port->flying = 0;
 	port->busy = followed;
+	if (followed)
+		sserial_arrived(port);
 	note_launch(port);
 	if (port->process_data)
 		hm2_process_data_unpack(port->process_data);

@@ -108,14 +108,15 @@ int sserial_take_results(struct hm2_sserial *port)
 }
 
 /* Learns from good transfers only: a lost reply takes longer than any that will be waited for, and so
- * does the first after a start, which waits for the chatter. A hiccup of the host must not be learned
- * either, so it grows in steps; it creeps back towards the shortest wait that does. */
+ * does the first after a start, which waits for the chatter. A hiccup of the host or a lost datagram must
+ * not be learned either: longer than any DOIT takes does not count, and it grows in steps; it creeps back
+ * towards the shortest wait that does. */
 static void learn(struct hm2_sserial *port, int64_t took_ns, int first_look, uint32_t failed)
 {
 	const int64_t most_ns = port->expected_ns + port->expected_ns / 4 + LOOP_PASS_NS;
 	const int64_t needs_ns = took_ns + LOOP_PASS_NS;
 	port->counters.last_doit_ns = took_ns;
-	if (failed || port->chattered)
+	if (failed || port->chattered || took_ns > LIMIT_DOIT_NS / MARGIN)
 		port->chattered = 0;
 	else if (first_look)
 		port->expected_ns -= port->expected_ns / 2048;
@@ -186,8 +187,11 @@ static int write_doit(struct hm2_sserial *port, int with_results, hm2_error *err
 {
 	struct sserial_lists *lists = &port->lists;
 	sserial_prepare_doit(port);
-	return hm2_exchange(port->board, &lists->transfers[lists->reads],
-	                    lists->writes + (with_results ? lists->reads : 0), error);
+	const int status = hm2_exchange(port->board, &lists->transfers[lists->reads],
+	                                lists->writes + (with_results ? lists->reads : 0), error);
+	if (status == HM2_OK)
+		sserial_arrived(port);
+	return status;
 }
 
 int sserial_is_over(const struct hm2_sserial *port, int64_t now_ns)
@@ -276,6 +280,8 @@ static int step(struct hm2_sserial *port, uint32_t running, hm2_error *error)
 	}
 	if (status != HM2_OK)
 		return status;
+	if (one_exchange)
+		sserial_arrived(port);
 	failed = finish_flight(port, late, error);
 	if (failed < 0 || one_exchange)
 		return failed;

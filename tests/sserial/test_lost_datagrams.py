@@ -1,0 +1,77 @@
+"""Smart serial over a network that loses a datagram: the repeat comes later than any DOIT lasts."""
+
+import socket
+import threading
+
+import pytest
+
+import hostmot2
+from hostmot2.emulator import EmulatedBoard
+from hostmot2.emulator.ethernet import EthernetServer, description
+
+
+class Relay:
+    """Between a driver and a card; `lose` requests from now is lost."""
+
+    def __init__(self, port: int) -> None:
+        self.lose = 0
+        self._here = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._here.bind(("127.0.0.1", 0))
+        self._here.settimeout(0.2)
+        self.port = self._here.getsockname()[1]
+        self._card = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._card.connect(("127.0.0.1", port))
+        self._card.settimeout(0.2)
+        self._stopping = False
+        self._peer: tuple[str, int] | None = None
+        self._threads = [threading.Thread(target=run) for run in (self._requests, self._replies)]
+        for thread in self._threads:
+            thread.start()
+
+    def _requests(self) -> None:
+        while not self._stopping:
+            try:
+                request, self._peer = self._here.recvfrom(2048)
+            except TimeoutError:
+                continue
+            self.lose -= 1
+            if self.lose != 0:
+                self._card.send(request)
+
+    def _replies(self) -> None:
+        while not self._stopping:
+            try:
+                reply = self._card.recv(2048)
+            except TimeoutError:
+                continue
+            if self._peer:
+                self._here.sendto(reply, self._peer)
+
+    def close(self) -> None:
+        self._stopping = True
+        for thread in self._threads:
+            thread.join()
+        self._here.close()
+        self._card.close()
+
+
+@pytest.fixture
+def relay():
+    with EmulatedBoard("7i92+7i77", clock="real") as board:
+        server = EthernetServer(board, "127.0.0.1", 0, description=description("7i92+7i77"))
+        server.start()
+        relay = Relay(server.port)
+        yield relay
+        relay.close()
+        server.close()
+
+
+def test_a_lost_datagram_of_a_doit_does_not_stop_the_port(relay):
+    # with the limit counted from the sending one in six ended with CommandHung
+    for number in (*range(1, 6), 2, 2, 2, 2, 2):
+        with hostmot2.open(f"udp://127.0.0.1:{relay.port}?retry_ms=5") as hm2:
+            card = hm2.card("7i77")
+            hm2.watchdog.timeout = 2.0
+            card.start()
+            relay.lose = number
+            assert [card.exchange().failed for _ in range(4)] == [0] * 4
