@@ -1,13 +1,18 @@
 /* A board: words at addresses over any bus, every access checked before the bus sees it. */
 #include "error.h"
 
+#include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 
+/* An exchange is one thread's from begin to finish: a cycle engine and whoever looks at a register meanwhile take
+ * turns, and a real-time thread lends its priority to the one it waits for. */
 struct hm2_board {
 	hm2_bus bus;
-	int open;
-	int outstanding; /* a begin without its finish */
-	int gate_shut;   /* writes are refused */
+	pthread_mutex_t turn;
+	_Atomic int open;
+	_Atomic int outstanding; /* a begin without its finish */
+	_Atomic int gate_shut;   /* writes are refused */
 	int64_t timeout_ns;
 	uint64_t reads_begun; /* words of the outstanding list, counted when it has come back */
 	uint64_t writes_begun;
@@ -19,6 +24,12 @@ int hm2_board_open(const hm2_bus *bus, struct hm2_board **board, hm2_error *erro
 	struct hm2_board *new_board = calloc(1, sizeof *new_board);
 	if (!new_board)
 		return hm2_error_set(error, HM2_ERR_NO_MEMORY, "board open");
+	pthread_mutexattr_t attributes;
+	pthread_mutexattr_init(&attributes);
+	pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_ERRORCHECK);
+	pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
+	pthread_mutex_init(&new_board->turn, &attributes);
+	pthread_mutexattr_destroy(&attributes);
 	new_board->bus = *bus;
 	new_board->open = 1;
 	new_board->timeout_ns = HM2_BOARD_TIMEOUT_NS;
@@ -31,6 +42,8 @@ void hm2_board_close(struct hm2_board *board)
 	if (!board || !board->open)
 		return;
 	board->open = 0;
+	if (board->outstanding)
+		pthread_mutex_unlock(&board->turn);
 	board->outstanding = 0;
 	board->bus.close(board->bus.self);
 }
@@ -38,6 +51,8 @@ void hm2_board_close(struct hm2_board *board)
 void hm2_board_free(struct hm2_board *board)
 {
 	hm2_board_close(board);
+	if (board)
+		pthread_mutex_destroy(&board->turn);
 	free(board);
 }
 
@@ -48,7 +63,10 @@ void hm2_board_set_timeout_ns(struct hm2_board *board, int64_t timeout_ns)
 
 void hm2_board_get_counters(const struct hm2_board *board, hm2_board_counters *counters)
 {
-	*counters = board->counters;
+	counters->exchanges = __atomic_load_n(&board->counters.exchanges, __ATOMIC_RELAXED);
+	counters->failures = __atomic_load_n(&board->counters.failures, __ATOMIC_RELAXED);
+	counters->words_read = __atomic_load_n(&board->counters.words_read, __ATOMIC_RELAXED);
+	counters->words_written = __atomic_load_n(&board->counters.words_written, __ATOMIC_RELAXED);
 }
 
 int64_t hm2_board_now_ns(struct hm2_board *board)
@@ -107,13 +125,15 @@ static int check_transfer(const hm2_transfer *transfer, hm2_error *error)
 	return check_words(transfer->address, transfer->count, !(transfer->flags & HM2_TRANSFER_SAME_ADDRESS), error);
 }
 
-int hm2_begin(struct hm2_board *board, const hm2_transfer *transfers, size_t count, hm2_error *error)
+/* Counted by whose turn it is; others may look. */
+static void count_up(uint64_t *counter, uint64_t by)
+{
+	__atomic_store_n(counter, *counter + by, __ATOMIC_RELAXED);
+}
+
+static int check_list(struct hm2_board *board, const hm2_transfer *transfers, size_t count, hm2_error *error)
 {
 	uint64_t reads = 0, writes = 0;
-	if (!board->open)
-		return hm2_error_set(error, HM2_ERR_CLOSED, "board");
-	if (board->outstanding)
-		return hm2_error_set(error, HM2_ERR_BUSY, "board begin");
 	for (size_t i = 0; i < count; i++) {
 		const int status = check_transfer(&transfers[i], error);
 		if (status != HM2_OK) {
@@ -125,15 +145,29 @@ int hm2_begin(struct hm2_board *board, const hm2_transfer *transfers, size_t cou
 	}
 	if (writes && board->gate_shut)
 		return hm2_error_set(error, HM2_ERR_GATED, "board");
-	const int status = board->bus.begin(board->bus.self, transfers, count, error);
-	if (status != HM2_OK) {
-		board->counters.failures++;
-		return status;
-	}
-	board->outstanding = 1;
 	board->reads_begun = reads;
 	board->writes_begun = writes;
 	return HM2_OK;
+}
+
+int hm2_begin(struct hm2_board *board, const hm2_transfer *transfers, size_t count, hm2_error *error)
+{
+	if (!board->open)
+		return hm2_error_set(error, HM2_ERR_CLOSED, "board");
+	if (pthread_mutex_lock(&board->turn)) /* this thread's own exchange is outstanding */
+		return hm2_error_set(error, HM2_ERR_BUSY, "board begin");
+	int status = board->open ? check_list(board, transfers, count, error)
+	                         : hm2_error_set(error, HM2_ERR_CLOSED, "board");
+	if (status == HM2_OK) {
+		status = board->bus.begin(board->bus.self, transfers, count, error);
+		if (status == HM2_OK) {
+			board->outstanding = 1;
+			return HM2_OK;
+		}
+		count_up(&board->counters.failures, 1);
+	}
+	pthread_mutex_unlock(&board->turn);
+	return status;
 }
 
 int hm2_finish(struct hm2_board *board, int64_t deadline_ns, hm2_error *error)
@@ -142,16 +176,17 @@ int hm2_finish(struct hm2_board *board, int64_t deadline_ns, hm2_error *error)
 		return hm2_error_set(error, HM2_ERR_CLOSED, "board");
 	if (!board->outstanding)
 		return hm2_error_set(error, HM2_ERR_BUSY, "board finish");
-	board->outstanding = 0;
 	const int status = board->bus.finish(board->bus.self, deadline_ns, error);
-	if (status != HM2_OK) {
-		board->counters.failures++;
-		return status;
+	if (status == HM2_OK) {
+		count_up(&board->counters.exchanges, 1);
+		count_up(&board->counters.words_read, board->reads_begun);
+		count_up(&board->counters.words_written, board->writes_begun);
+	} else {
+		count_up(&board->counters.failures, 1);
 	}
-	board->counters.exchanges++;
-	board->counters.words_read += board->reads_begun;
-	board->counters.words_written += board->writes_begun;
-	return HM2_OK;
+	board->outstanding = 0;
+	pthread_mutex_unlock(&board->turn);
+	return status;
 }
 
 int hm2_exchange(struct hm2_board *board, const hm2_transfer *transfers, size_t count, hm2_error *error)

@@ -1,17 +1,8 @@
 /* One exchange for everything that takes part in a cycle. Nothing is allocated or looked up here. */
+#include "cycle.h"
 #include "error.h"
 
 #include <stdlib.h>
-
-struct hm2_cycle {
-	struct hm2_board *board;
-	size_t parts;
-	hm2_cyclic part[HM2_CYCLE_PARTS];
-	size_t transfers;
-	hm2_transfer transfer[HM2_CYCLE_TRANSFERS];
-	hm2_cycle_counters counters;
-	int processes; /* the outstanding exchange has reads to take in */
-};
 
 int hm2_cycle_new(struct hm2_board *board, struct hm2_cycle **cycle, hm2_error *error)
 {
@@ -56,7 +47,7 @@ static int append(struct hm2_cycle *cycle, appender list, void *self, hm2_error 
 	return HM2_OK;
 }
 
-static int begin(struct hm2_cycle *cycle, int reads, int writes, hm2_error *error)
+int cycle_begin(struct hm2_cycle *cycle, int reads, int writes, hm2_error *error)
 {
 	int status = HM2_OK;
 	if (hm2_board_gate_is_shut(cycle->board))
@@ -76,29 +67,40 @@ static int begin(struct hm2_cycle *cycle, int reads, int writes, hm2_error *erro
 
 int hm2_cycle_begin(struct hm2_cycle *cycle, hm2_error *error)
 {
-	return begin(cycle, 1, 1, error);
+	return cycle_begin(cycle, 1, 1, error);
 }
 
-int hm2_cycle_finish(struct hm2_cycle *cycle, int64_t deadline_ns, hm2_error *error)
+int cycle_await(struct hm2_cycle *cycle, int64_t deadline_ns, hm2_error *error)
 {
 	const int status = hm2_finish(cycle->board, deadline_ns, error);
-	if (status != HM2_OK) {
+	if (status == HM2_OK)
+		cycle->counters.cycles++;
+	else
 		cycle->counters.failures++;
-		return status;
-	}
-	cycle->counters.cycles++;
+	return status;
+}
+
+void cycle_process(struct hm2_cycle *cycle)
+{
 	if (!cycle->processes)
-		return HM2_OK;
+		return;
 	const int64_t now_ns = hm2_board_now_ns(cycle->board);
 	for (size_t i = 0; i < cycle->parts; i++)
 		if (cycle->part[i].process)
 			cycle->part[i].process(cycle->part[i].self, now_ns);
-	return HM2_OK;
+}
+
+int hm2_cycle_finish(struct hm2_cycle *cycle, int64_t deadline_ns, hm2_error *error)
+{
+	const int status = cycle_await(cycle, deadline_ns, error);
+	if (status == HM2_OK)
+		cycle_process(cycle);
+	return status;
 }
 
 static int run(struct hm2_cycle *cycle, int reads, int writes, hm2_error *error)
 {
-	const int status = begin(cycle, reads, writes, error);
+	const int status = cycle_begin(cycle, reads, writes, error);
 	if (status != HM2_OK)
 		return status;
 	return hm2_cycle_finish(cycle, hm2_board_now_ns(cycle->board) + HM2_BOARD_TIMEOUT_NS, error);

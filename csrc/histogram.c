@@ -30,17 +30,32 @@ int64_t hm2_histogram_bucket_start(size_t index)
 	return (int64_t)(index - ((size_t)shift << LINEAR_BITS)) << shift;
 }
 
+/* Others may look meanwhile: each number is stored whole. */
+#define STORE(place, value) __atomic_store_n(&(place), (value), __ATOMIC_RELAXED)
+
 void hm2_histogram_record(hm2_histogram *histogram, int64_t ns)
 {
 	if (ns < 0)
 		ns = 0;
+	uint64_t *bucket = &histogram->buckets[bucket_of((uint64_t)ns)];
 	if (histogram->count == 0 || ns < histogram->minimum_ns)
-		histogram->minimum_ns = ns;
+		STORE(histogram->minimum_ns, ns);
 	if (ns > histogram->maximum_ns)
-		histogram->maximum_ns = ns;
-	histogram->sum_ns += (uint64_t)ns;
-	histogram->buckets[bucket_of((uint64_t)ns)]++;
-	histogram->count++;
+		STORE(histogram->maximum_ns, ns);
+	STORE(histogram->sum_ns, histogram->sum_ns + (uint64_t)ns);
+	STORE(*bucket, *bucket + 1);
+	STORE(histogram->count, histogram->count + 1);
+}
+
+void hm2_histogram_copy(hm2_histogram *into, const hm2_histogram *from)
+{
+	uint64_t count = 0;
+	into->sum_ns = __atomic_load_n(&from->sum_ns, __ATOMIC_RELAXED);
+	into->minimum_ns = __atomic_load_n(&from->minimum_ns, __ATOMIC_RELAXED);
+	into->maximum_ns = __atomic_load_n(&from->maximum_ns, __ATOMIC_RELAXED);
+	for (size_t i = 0; i < BUCKETS; i++)
+		count += into->buckets[i] = __atomic_load_n(&from->buckets[i], __ATOMIC_RELAXED);
+	into->count = count; /* what the percentiles count */
 }
 
 void hm2_histogram_record_many(hm2_histogram *histogram, const int64_t *ns, size_t count)

@@ -234,6 +234,8 @@ typedef struct hm2_histogram {
 	uint64_t buckets[4352];
 } hm2_histogram;
 
+/* While another thread records: every number whole, the sum of the buckets as at some moment. */
+void hm2_histogram_copy(hm2_histogram *into, const hm2_histogram *from);
 /* A time before its beginning (negative) is counted as 0. */
 void hm2_histogram_record(hm2_histogram *histogram, int64_t ns);
 void hm2_histogram_record_many(hm2_histogram *histogram, const int64_t *ns, size_t count);
@@ -964,7 +966,8 @@ enum hm2_sserial_detail {
 	HM2_SSERIAL_NOT_STARTED,    /* the channel (index) is not started in the mode that this needs */
 	HM2_SSERIAL_NO_FIRMWARE,    /* the processor does not answer as SSLBP does: expected, received */
 	HM2_SSERIAL_REMOTE_SILENT,  /* no usable answer from the remote: address, received = CS */
-	HM2_SSERIAL_TOO_SOON        /* the last DOIT is still at work; nothing was written */
+	HM2_SSERIAL_TOO_SOON,       /* the last DOIT is still at work; nothing was written */
+	HM2_SSERIAL_LENT            /* the cycle engine has the port */
 };
 
 /* What start left in a channel's registers. */
@@ -1054,6 +1057,10 @@ void hm2_sserial_set_cyclic(struct hm2_sserial *port, uint32_t mask);
 /* After each exchange of the cycle: the result it brought as from hm2_sserial_cycle. A DOIT that hangs is
  * dug out here. */
 int hm2_sserial_cyclic_result(struct hm2_sserial *port, uint32_t *requested, hm2_error *error);
+/* Who may use the port: a cycle in a thread of its own, or everybody else. Lent to a cycle, all other operations
+ * fail with HM2_ERR_BUSY and HM2_SSERIAL_LENT; taken back, the cycle leaves the port out. */
+enum hm2_sserial_use { HM2_SSERIAL_USE_ANY, HM2_SSERIAL_USE_CYCLE, HM2_SSERIAL_USE_OTHERS };
+void hm2_sserial_set_use(struct hm2_sserial *port, int use);
 /* The write to COMMAND that the firmware ignores, allowed at any time. */
 int hm2_sserial_ignored_write(struct hm2_sserial *port, hm2_error *error);
 
@@ -1261,10 +1268,10 @@ enum hm2_engine_stage {
 	HM2_STAGE_WAKE,    /* the thread runs: its lateness */
 	HM2_STAGE_REQUEST, /* the request is with the bus */
 	HM2_STAGE_REPLY,   /* its answer is there */
-	HM2_STAGE_UNPACK,  /* readings are values, the snapshot is published */
-	HM2_STAGE_CONTROL, /* outputs taken over, controllers have run */
+	HM2_STAGE_UNPACK,  /* readings are values */
+	HM2_STAGE_CONTROL, /* outputs are taken over, controllers have run */
 	HM2_STAGE_PACK,    /* the values to write are in place */
-	HM2_STAGE_WRITE,   /* read-modify-write: the second exchange is over. Pipelined: nothing to do */
+	HM2_STAGE_WRITE,   /* read-modify-write: the second exchange is over; pipelined: nothing to do */
 	HM2_STAGES
 };
 
@@ -1308,6 +1315,202 @@ void hm2_record_ring_commit(struct hm2_record_ring *ring);
 size_t hm2_record_ring_pop_many(struct hm2_record_ring *ring, void *buffer, size_t most);
 /* Any thread. */
 void hm2_record_ring_get_counters(const struct hm2_record_ring *ring, hm2_record_ring_counters *counters);
+
+/* ---- PID with feed-forward (pid.c) ----------------------------------------------------------- */
+
+/* Owned by the caller and zeroed first. Units: those of command and feedback; output in its own. */
+typedef struct hm2_pid {
+	/* settings */
+	double p, i, d;          /* output per unit of error, per unit s, per unit/s */
+	double ff0, ff1, ff2;    /* output per unit of command, per unit/s of it, per unit/s^2 */
+	double bias;             /* output */
+	double deadband;         /* units: an error within it counts as 0 */
+	double max_output;       /* +-; 0: not limited */
+	double max_integral;     /* +-, in output; 0: as max_output */
+	double max_error;        /* units: beyond it `exceeded` is set; 0: never */
+	/* results */
+	double error;            /* command - feedback, units */
+	double integral;         /* its part of the output */
+	double output;
+	int32_t saturated;       /* the output is at its limit */
+	int32_t exceeded;        /* max_error was exceeded since the last reset */
+	/* private */
+	double last_command, last_velocity, last_feedback;
+	int32_t valid;
+} hm2_pid;
+
+/* Forgets the past: integral 0, and no derivative in the next update. Settings stay. */
+void hm2_pid_reset(hm2_pid *pid);
+/* Velocities that are not a number are taken from the differences. The integral stands still while the output is
+ * at its limit and the error would drive it further. */
+double hm2_pid_update(hm2_pid *pid, double command, double command_velocity, double feedback,
+                      double feedback_velocity, double seconds);
+
+/* ---- the cycle engine (engine*.c): a thread that owns the cycle ------------------------------- */
+
+#define HM2_ENGINE_PORTS 4
+#define HM2_ENGINE_AXES 16    /* PID controllers */
+#define HM2_ENGINE_CONTROLS 8 /* compiled controllers */
+#define HM2_ENGINE_SIGNALS 512 /* inputs, and as many outputs */
+#define HM2_ENGINE_SLOWEST 16
+#define HM2_ENGINE_EVENTS 1024
+
+struct hm2_engine;
+
+enum hm2_engine_style {
+	HM2_ENGINE_PIPELINED,        /* one exchange: what was controlled in the last cycle goes out with the request */
+	HM2_ENGINE_READ_MODIFY_WRITE /* two: read, control, write */
+};
+
+enum hm2_engine_overrun {
+	HM2_OVERRUN_SKIP,    /* periods that were missed are left out */
+	HM2_OVERRUN_CATCH_UP /* up to ten are made up for, one right after the other */
+};
+
+/* Why outputs are off; bits, also in a record's flags. None: they are on. */
+#define HM2_OFF_IDLE 0x0001u     /* nobody has written outputs yet */
+#define HM2_OFF_USER 0x0002u     /* disabled on request */
+#define HM2_OFF_DEAD_MAN 0x0004u /* outputs were not refreshed in time */
+#define HM2_OFF_STALE 0x0008u    /* too many exchanges in a row failed */
+#define HM2_OFF_OVERRUN 0x0010u  /* too many overruns in a row */
+#define HM2_OFF_BITE 0x0020u     /* the watchdog has bitten */
+#define HM2_OFF_PORT 0x0040u     /* an SSERIAL port was given up */
+#define HM2_OFF_FAULT 0x0080u    /* a remote reported a new fault */
+#define HM2_OFF_ERROR 0x0100u    /* an axis exceeded its following error */
+#define HM2_OFF_CONTROL 0x0200u  /* a controller's output is not a number */
+#define HM2_OFF_STOP 0x0400u     /* the engine is stopping */
+#define HM2_ENGINE_OVERRAN 0x10000u /* flag of a record: the cycle before ended too late */
+
+enum hm2_engine_event_kind {
+	HM2_EVENT_ON = 1,        /* outputs are on */
+	HM2_EVENT_OFF,           /* outputs went off: value = the HM2_OFF_* that was new */
+	HM2_EVENT_OVERRUN,       /* value = periods missed; the first of a series */
+	HM2_EVENT_FAILED,        /* an exchange failed (status); the first of a series */
+	HM2_EVENT_RECOVERED,     /* value = how many had failed */
+	HM2_EVENT_PORT_FAULT,    /* index = port * 8 + channel: words = CS, rising, fault word, rising of it */
+	HM2_EVENT_PORT_GIVEN_UP, /* index = port: fault bucket full (value = level) or DOIT hung (value = -1) */
+	HM2_EVENT_PORT_BACK,     /* index = port: it takes part again; outputs stay off */
+	HM2_EVENT_AXIS,          /* index = axis whose following error was exceeded */
+	HM2_EVENT_CONTROL        /* index = output that is not a number */
+};
+
+typedef struct hm2_engine_event {
+	int64_t time_ns; /* on the board's clock */
+	uint64_t cycle;
+	int32_t kind;
+	int32_t index;
+	int32_t status;
+	int32_t reserved;
+	int64_t value;
+	uint32_t words[4];
+} hm2_engine_event;
+
+/* A place in a participant's memory that is one number of the engine's vectors. */
+enum hm2_signal_type { HM2_SIGNAL_F64, HM2_SIGNAL_I64, HM2_SIGNAL_U64, HM2_SIGNAL_I32, HM2_SIGNAL_U32 };
+
+typedef struct hm2_signal {
+	void *place;  /* NULL: the number lives in the vector only, as a command for controllers */
+	int32_t type; /* enum hm2_signal_type */
+	int32_t bit;  /* of an integer, 0 or 1; -1: the whole value */
+	int32_t hold; /* of an output: 1 keeps its value while outputs are off, 0 becomes 0 */
+} hm2_signal;
+
+/* A compiled controller, called once a cycle between inputs and outputs. `outputs` holds what was written last; what
+ * it leaves there goes out. enabled 0: outputs are off, nothing of it goes out. It must not block. */
+typedef void (*hm2_control)(void *context, const double *inputs, double *outputs, double seconds, int32_t enabled);
+
+typedef struct hm2_engine_config {
+	int64_t period_ns;
+	int64_t early_ns;        /* awake so long before the time, spinning */
+	int64_t reply_ns;        /* an exchange has failed after so long */
+	int64_t dead_man_ns;     /* outputs must be written within it; 0: never */
+	int32_t style;           /* enum hm2_engine_style */
+	int32_t virtual_time;    /* 1: time passes by hm2_board_pause_ns, as fast as it goes */
+	int32_t stale_limit;     /* failed exchanges in a row that turn outputs off; 0: never */
+	int32_t overrun;         /* enum hm2_engine_overrun */
+	int32_t overrun_limit;   /* overruns in a row that turn outputs off; 0: never */
+	int32_t fault_increment; /* a port's bucket: for a result with a failed channel, */
+	int32_t fault_decrement; /* taken off for a good one, */
+	int32_t fault_limit;     /* and the level at which the port is given up; 0: never */
+	int32_t priority;        /* SCHED_FIFO; 0: as the caller */
+	int32_t cpu;             /* -1: any */
+	int32_t lock_memory;     /* 1: mlockall */
+} hm2_engine_config;
+
+/* What the system refused: errno values, 0: granted or not asked for. */
+typedef struct hm2_engine_refusals {
+	int32_t priority, cpu, lock_memory;
+} hm2_engine_refusals;
+
+enum hm2_engine_port_state { HM2_PORT_RUNNING, HM2_PORT_GIVEN_UP };
+
+typedef struct hm2_engine_status {
+	uint64_t cycles;       /* done, good or not */
+	int64_t start_ns;      /* when the last one was due */
+	uint64_t outputs;      /* number of the output vector in use, from 1 */
+	uint64_t failures;     /* exchanges that failed */
+	uint64_t overruns;     /* cycles that ended after the next was due */
+	uint64_t skipped;      /* periods left out */
+	uint64_t events_lost;
+	int64_t outputs_age_ns;/* since the output vector in use was taken over */
+	uint32_t off;          /* HM2_OFF_*; 0: outputs are on */
+	int32_t status;        /* of the last cycle's exchanges */
+	int32_t stale;         /* failed exchanges in a row */
+	int32_t running;
+	int32_t port_level[4]; /* fault buckets */
+	int32_t port_state[4]; /* enum hm2_engine_port_state */
+} hm2_engine_status;
+
+void hm2_engine_defaults(hm2_engine_config *config);
+/* Board and cycle stay the caller's and outlive the engine, like everything the signals point to. */
+int hm2_engine_new(struct hm2_board *board, struct hm2_cycle *cycle, const hm2_engine_config *config,
+                   const hm2_signal *inputs, size_t input_count, const hm2_signal *outputs, size_t output_count,
+                   struct hm2_engine **engine, hm2_error *error);
+/* Stops first. */
+void hm2_engine_free(struct hm2_engine *engine);
+/* Before start. The port is part of the cycle already; while the engine has it, only the engine may use it. */
+int hm2_engine_add_port(struct hm2_engine *engine, struct hm2_sserial *port, hm2_error *error);
+int hm2_engine_add_control(struct hm2_engine *engine, hm2_control control, void *context, hm2_error *error);
+/* An axis: indices into outputs (command, command_velocity, output) and inputs (feedback, feedback_velocity); the
+ * velocities may be -1. */
+int hm2_engine_add_pid(struct hm2_engine *engine, const hm2_pid *settings, int32_t command,
+                       int32_t command_velocity, int32_t feedback, int32_t feedback_velocity, int32_t output,
+                       hm2_error *error);
+/* New settings of an axis, from the next cycle on. HM2_ERR_BUSY: the last ones have not been taken yet. */
+int hm2_engine_set_pid(struct hm2_engine *engine, uint32_t axis, const hm2_pid *settings, hm2_error *error);
+const hm2_pid *hm2_engine_pid(const struct hm2_engine *engine, uint32_t axis);
+/* One record per cycle from now on; NULL: none. Before start. image_words: room for the register image. */
+void hm2_engine_set_record_ring(struct hm2_engine *engine, struct hm2_record_ring *ring, uint32_t image_words);
+uint32_t hm2_engine_record_size(const struct hm2_engine *engine, uint32_t image_words);
+/* What the image's words are: address, with bit 0 set for a write. Grows in the first cycles; returns how many. */
+size_t hm2_engine_layout(const struct hm2_engine *engine, uint32_t *addresses, size_t capacity);
+
+int hm2_engine_start(struct hm2_engine *engine, hm2_engine_refusals *refusals, hm2_error *error);
+/* Outputs off, sent, the thread ended. Idempotent; any thread but the engine's. */
+void hm2_engine_stop(struct hm2_engine *engine);
+/* One cycle in the caller's thread, when it is due; HM2_ERR_BUSY while the thread runs. */
+int hm2_engine_step(struct hm2_engine *engine, hm2_error *error);
+/* In a forked child: the thread is the parent's, nothing is to be stopped. */
+void hm2_engine_abandon(struct hm2_engine *engine);
+
+/* The whole output vector, and that somebody is there. One thread at a time. Returns its number. */
+uint64_t hm2_engine_write(struct hm2_engine *engine, const double *outputs);
+/* The last cycle's vectors, whole and of the same cycle. Any thread; NULL: not wanted. */
+void hm2_engine_read(const struct hm2_engine *engine, hm2_engine_status *status, double *inputs, double *outputs);
+/* Waits until a cycle after number `cycles` is done: 1, or 0 when the time is over. */
+int hm2_engine_wait(struct hm2_engine *engine, uint64_t cycles, int64_t timeout_ns);
+/* Outputs on again after they went off: nothing else turns them on. What still holds turns them off again. */
+void hm2_engine_enable(struct hm2_engine *engine);
+void hm2_engine_disable(struct hm2_engine *engine);
+/* After a port was given up: it was started anew and takes part again. */
+void hm2_engine_port_back(struct hm2_engine *engine, uint32_t port);
+size_t hm2_engine_take_events(struct hm2_engine *engine, hm2_engine_event *events, size_t capacity);
+
+/* Durations of stages (HM2_STAGE_WAKE: lateness), and HM2_STAGES: of whole cycles. All while running. */
+void hm2_engine_get_histogram(const struct hm2_engine *engine, int stage, hm2_histogram *histogram);
+/* The slowest cycles since the beginning, in no order; returns how many. */
+size_t hm2_engine_slowest(const struct hm2_engine *engine, hm2_record *records, size_t capacity);
+void hm2_engine_reset_trace(struct hm2_engine *engine);
 
 /* ---- an emulated card behind shared memory (emulator/mirror.c) ----------------------------- */
 

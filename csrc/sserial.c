@@ -73,6 +73,8 @@ static int wait_for_firmware(struct hm2_sserial *port, hm2_error *error)
 
 int hm2_sserial_reset(struct hm2_sserial *port, hm2_error *error)
 {
+	if (sserial_check_use(port, "sserial reset", error) != HM2_OK)
+		return HM2_ERR_BUSY;
 	sserial_forget(port, ~0u);
 	int status = sserial_write(port, HM2_SSERIAL_COMMAND, 0, HM2_SSLBP_COMMAND_RESET, error);
 	if (status == HM2_OK)
@@ -103,6 +105,8 @@ static void send_zeroes(struct hm2_sserial *port, uint32_t mask)
 int hm2_sserial_stop(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
 {
 	const uint32_t stopped = mask ? mask : ~0u;
+	if (sserial_check_use(port, "sserial stop", error) != HM2_OK)
+		return HM2_ERR_BUSY;
 	if (mask > 0xFFu)
 		return sserial_fail(error, HM2_ERR_RANGE, "sserial stop", 0, -1);
 	send_zeroes(port, stopped);
@@ -212,6 +216,8 @@ static int stop_leftovers(struct hm2_sserial *port, uint32_t mask, hm2_error *er
 int hm2_sserial_start(struct hm2_sserial *port, uint32_t mask, int mode, hm2_error *error)
 {
 	uint32_t failed = 0;
+	if (sserial_check_use(port, "sserial start", error) != HM2_OK)
+		return HM2_ERR_BUSY;
 	if (mask > 0xFFu || (mode != HM2_SSERIAL_NORMAL && mode != HM2_SSERIAL_SETUP))
 		return sserial_fail(error, HM2_ERR_RANGE, "sserial start", 0, -1);
 	if (port->started && port->mode != mode)

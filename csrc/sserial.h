@@ -1,9 +1,11 @@
-/* What the files of the SSERIAL driver share. Private to csrc/sserial*.c. */
+/* What the files of the SSERIAL driver share. Private to csrc/sserial*.c and the cycle engine. */
 #ifndef HM2_SSERIAL_H
 #define HM2_SSERIAL_H
 
 #include "error.h"
 #include "registers.h"
+
+#include <stdatomic.h>
 
 #define CHANNELS HM2_SSERIAL_CHANNELS
 #define DATA_REGISTERS HM2_SSERIAL_DATA_REGISTERS
@@ -64,6 +66,7 @@ struct sserial_channel {
 struct hm2_sserial {
 	struct hm2_board *board;
 	hm2_sserial_config config;
+	_Atomic int use;     /* enum hm2_sserial_use */
 	uint32_t started;
 	uint32_t used;       /* named in a start since their last stop: stop before the next start */
 	int mode;
@@ -119,6 +122,11 @@ int sserial_hung(struct hm2_sserial *port, const char *where, hm2_error *error);
 int sserial_transfer(struct hm2_sserial *port, uint32_t mask, const char *where, hm2_error *error);
 /* Reads the result of a pipelined DOIT that has completed. */
 int sserial_collect(struct hm2_sserial *port, hm2_error *error);
+
+/* sserial_cyclic.c: HM2_ERR_BUSY while a cycle in a thread of its own has the port */
+int sserial_check_use(const struct hm2_sserial *port, const char *where, hm2_error *error);
+/* What the cycle's last exchange brought, without ever waiting: 1 if a result, its masks; -1: the DOIT hangs. */
+int sserial_cyclic_news(struct hm2_sserial *port, uint32_t *requested, uint32_t *failed);
 
 /* sserial_events.c: faults by edges */
 void sserial_watch_transfer(struct hm2_sserial *port, uint32_t channel, uint32_t cs, int failed);

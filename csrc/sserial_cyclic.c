@@ -21,8 +21,10 @@ static size_t list(const hm2_transfer *from, size_t count, hm2_transfer *transfe
 static size_t cyclic_reads(void *self, hm2_transfer *transfers, size_t capacity)
 {
 	struct hm2_sserial *port = self;
-	note_launch(port);
 	port->reading = 0;
+	if (port->use == HM2_SSERIAL_USE_OTHERS)
+		return 0;
+	note_launch(port);
 	if (!port->flying || port->mode != HM2_SSERIAL_NORMAL)
 		return 0;
 	sserial_compile(port, port->flying);
@@ -44,6 +46,8 @@ static int may_write(const struct hm2_sserial *port, uint32_t running)
 static size_t cyclic_writes(void *self, hm2_transfer *transfers, size_t capacity)
 {
 	struct hm2_sserial *port = self;
+	if (port->use == HM2_SSERIAL_USE_OTHERS)
+		return 0;
 	const uint32_t running = port->cyclic & port->started;
 	if (!running || port->mode != HM2_SSERIAL_NORMAL)
 		return 0;
@@ -62,6 +66,8 @@ static size_t cyclic_writes(void *self, hm2_transfer *transfers, size_t capacity
 static void cyclic_process(void *self, int64_t now_ns)
 {
 	struct hm2_sserial *port = self;
+	if (port->use == HM2_SSERIAL_USE_OTHERS)
+		return;
 	const int followed = port->launched != 0;
 	port->landed = port->landed_failed = 0;
 	if (!port->reading) {
@@ -94,6 +100,28 @@ void hm2_sserial_part(struct hm2_sserial *port, hm2_cyclic *part)
 void hm2_sserial_set_cyclic(struct hm2_sserial *port, uint32_t mask)
 {
 	port->cyclic = mask & 0xFFu;
+}
+
+void hm2_sserial_set_use(struct hm2_sserial *port, int use)
+{
+	port->use = use;
+}
+
+int sserial_check_use(const struct hm2_sserial *port, const char *where, hm2_error *error)
+{
+	if (port->use != HM2_SSERIAL_USE_CYCLE)
+		return HM2_OK;
+	return sserial_fail(error, HM2_ERR_BUSY, where, HM2_SSERIAL_LENT, -1);
+}
+
+int sserial_cyclic_news(struct hm2_sserial *port, uint32_t *requested, uint32_t *failed)
+{
+	*requested = port->landed;
+	*failed = port->landed_failed;
+	port->landed = port->landed_failed = 0;
+	if (port->hung)
+		return -1;
+	return *requested != 0;
 }
 
 int hm2_sserial_cyclic_result(struct hm2_sserial *port, uint32_t *requested, hm2_error *error)

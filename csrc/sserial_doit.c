@@ -203,6 +203,8 @@ static int check_running(struct hm2_sserial *port, uint32_t mask, const char *wh
 {
 	if (mask > 0xFFu)
 		return sserial_fail(error, HM2_ERR_RANGE, where, 0, -1);
+	if (sserial_check_use(port, where, error) != HM2_OK)
+		return HM2_ERR_BUSY;
 	if (port->started && port->mode != HM2_SSERIAL_NORMAL)
 		return sserial_fail(error, HM2_ERR_BUSY, where, HM2_SSERIAL_MODE_CONFLICT, -1);
 	return HM2_OK;

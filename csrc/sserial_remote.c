@@ -6,8 +6,10 @@
 #define LBP_ADDRESSED 0x04u /* header bit: a 16-bit address follows */
 #define LBP_WRITE 0x20u
 
-static int check_local(uint32_t address, size_t count, hm2_error *error)
+static int check_local(const struct hm2_sserial *port, uint32_t address, size_t count, hm2_error *error)
 {
+	if (sserial_check_use(port, "sserial local", error) != HM2_OK)
+		return HM2_ERR_BUSY;
 	if (count && address <= LAST_LOCAL_ADDRESS && count <= LAST_LOCAL_ADDRESS + 1 - address)
 		return HM2_OK;
 	sserial_fail(error, HM2_ERR_RANGE, "sserial local", 0, -1);
@@ -22,7 +24,7 @@ static int check_local(uint32_t address, size_t count, hm2_error *error)
 int hm2_sserial_read_local(struct hm2_sserial *port, uint32_t address, uint8_t *bytes, size_t count,
                            hm2_error *error)
 {
-	int status = check_local(address, count, error);
+	int status = check_local(port, address, count, error);
 	for (size_t i = 0; i < count && status == HM2_OK; i++) {
 		uint32_t data = 0;
 		status = sserial_command(port, HM2_SSLBP_COMMAND_READ_LOCAL | (address + (uint32_t)i), LIMIT_LOCAL_NS,
@@ -37,7 +39,7 @@ int hm2_sserial_read_local(struct hm2_sserial *port, uint32_t address, uint8_t *
 int hm2_sserial_write_local(struct hm2_sserial *port, uint32_t address, const uint8_t *bytes, size_t count,
                             hm2_error *error)
 {
-	int status = check_local(address, count, error);
+	int status = check_local(port, address, count, error);
 	for (size_t i = 0; i < count && status == HM2_OK; i++) {
 		/* the firmware takes DATA when it serves the command, so no other may be at work */
 		status = sserial_settle(port, "sserial write local", error);
@@ -75,6 +77,8 @@ int hm2_sserial_access(struct hm2_sserial *port, uint32_t channel, uint32_t comm
 {
 	uint32_t words[2] = {(uint32_t)*value, (uint32_t)(*value >> 32)};
 	uint32_t failed = 0;
+	if (sserial_check_use(port, "sserial remote", error) != HM2_OK)
+		return HM2_ERR_BUSY;
 	if (channel >= port->config.channels || command < 0x40 || command > 0xFF || (command & 0xC0u) == 0x80u ||
 	    address > 0xFFFFu)
 		return sserial_fail(error, HM2_ERR_RANGE, "sserial remote", 0, (int)channel);

@@ -123,6 +123,11 @@ int hm2_emulator_new(const uint32_t *idrom, size_t words, const hm2_emulator_opt
 	*out = NULL;
 	if (card == NULL)
 		return fail(error, HM2_ERR_NO_MEMORY, 0, "emulated card");
+	pthread_mutexattr_t attributes;
+	pthread_mutexattr_init(&attributes);
+	pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_RECURSIVE);
+	pthread_mutex_init(&card->lock, &attributes);
+	pthread_mutexattr_destroy(&attributes);
 	card->options = *options;
 	card->mux_delay_ps = CARD_MUX_DELAY_PS;
 	if (card->options.sserial_clock_hz == 0)
@@ -146,6 +151,7 @@ void hm2_emulator_free(hm2_emulator *card)
 		return;
 	for (int i = 0; i < card->module_count; i++)
 		card->modules[i].type->destroy(card->modules[i].self);
+	pthread_mutex_destroy(&card->lock);
 	free(card);
 }
 
@@ -213,6 +219,7 @@ int card_write_words(struct hm2_emulator *card, uint32_t address, const uint32_t
 
 int hm2_emulator_read(hm2_emulator *card, uint32_t address, uint32_t *words, size_t count, hm2_error *error)
 {
+	CARD_HOLD(card);
 	card_touch(card);
 	return card_read_words(card, address, words, count, error);
 }
@@ -220,6 +227,7 @@ int hm2_emulator_read(hm2_emulator *card, uint32_t address, uint32_t *words, siz
 int hm2_emulator_write(hm2_emulator *card, uint32_t address, const uint32_t *words, size_t count,
                        hm2_error *error)
 {
+	CARD_HOLD(card);
 	card_touch(card);
 	return card_write_words(card, address, words, count, error);
 }
@@ -237,6 +245,7 @@ static const struct card_module *sserial_module(const hm2_emulator *card)
 
 int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm2_remote *remote, int through_pins)
 {
+	CARD_HOLD(card);
 	const struct card_module *module = sserial_module(card);
 	if (module == NULL)
 		return HM2_ERR_RANGE;
@@ -246,6 +255,7 @@ int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm
 
 size_t hm2_emulator_line_records(hm2_emulator *card, int instance, hm2_line_record *records, size_t capacity)
 {
+	CARD_HOLD(card);
 	const struct card_module *module = sserial_module(card);
 	return module == NULL ? 0 : sserial_line_records(module, instance, records, capacity);
 }

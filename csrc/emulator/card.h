@@ -7,6 +7,8 @@
 #include "registers.h"
 #include "wave.h"
 
+#include <pthread.h>
+
 #define CARD_NEVER INT64_MAX
 #define CARD_MAX_MODULES 40
 #define CARD_MAX_PINS 144
@@ -69,6 +71,7 @@ struct card_page {
 struct ioport;
 
 struct hm2_emulator {
+	pthread_mutex_t lock; /* recursive: a driver's thread and whoever steers the card take turns */
 	int64_t now_ps;
 	int64_t clock;
 	int64_t settled_ps; /* the time every module has been advanced to */
@@ -96,6 +99,11 @@ struct hm2_emulator {
 const struct card_module_type *card_module_type(uint8_t gtag);
 
 /* card_time.c */
+/* The card is this thread's until the end of the block. */
+pthread_mutex_t *card_lock(const struct hm2_emulator *card);
+void card_unlock(pthread_mutex_t **lock);
+#define CARD_HOLD(card) __attribute__((cleanup(card_unlock), unused)) pthread_mutex_t *held = card_lock(card)
+
 int64_t card_edge_ps(const struct hm2_emulator *card, int64_t clock);
 int64_t card_clock_at(const struct hm2_emulator *card, int64_t ps);
 void card_advance_to(struct hm2_emulator *card, int64_t ps);

@@ -3,6 +3,7 @@
 
 static int bus_begin(void *self, const hm2_transfer *transfers, size_t count, hm2_error *error)
 {
+	CARD_HOLD(self);
 	card_touch(self);
 	for (size_t i = 0; i < count; i++) {
 		const hm2_transfer *t = &transfers[i];

@@ -10,6 +10,7 @@ int hm2_emulator_pins(const hm2_emulator *card)
 
 int hm2_emulator_pin_drive(hm2_emulator *card, int pin, int level)
 {
+	CARD_HOLD(card);
 	if (pin < 0 || pin >= card->pin_count || level < HM2_LEVEL_RELEASE || level > HM2_LEVEL_HIGH)
 		return HM2_ERR_RANGE;
 	hm2_emulator_sync(card);
@@ -27,6 +28,7 @@ int hm2_emulator_pin_drive(hm2_emulator *card, int pin, int level)
 
 int hm2_emulator_pin_level(hm2_emulator *card, int pin)
 {
+	CARD_HOLD(card);
 	if (pin < 0 || pin >= card->pin_count)
 		return HM2_ERR_RANGE;
 	hm2_emulator_sync(card);
@@ -56,6 +58,7 @@ static int end_change(hm2_emulator *card, struct wave *wave)
 
 int hm2_emulator_encoder_run(hm2_emulator *card, int encoder, int64_t edge_period_ps, int64_t counts)
 {
+	CARD_HOLD(card);
 	struct wave *wave = begin_change(card, encoder);
 	if (wave == NULL || edge_period_ps <= 0)
 		return HM2_ERR_RANGE;
@@ -65,6 +68,7 @@ int hm2_emulator_encoder_run(hm2_emulator *card, int encoder, int64_t edge_perio
 
 int hm2_emulator_encoder_pulses(hm2_emulator *card, int encoder, int64_t period_ps, int64_t pulses)
 {
+	CARD_HOLD(card);
 	struct wave *wave = begin_change(card, encoder);
 	if (wave == NULL || period_ps < 2)
 		return HM2_ERR_RANGE;
@@ -74,6 +78,7 @@ int hm2_emulator_encoder_pulses(hm2_emulator *card, int encoder, int64_t period_
 
 int hm2_emulator_encoder_rate(hm2_emulator *card, int encoder, int64_t rate)
 {
+	CARD_HOLD(card);
 	struct wave *wave = begin_change(card, encoder);
 	if (wave == NULL || rate > RATE_MAX || rate < -RATE_MAX)
 		return HM2_ERR_RANGE;
@@ -83,6 +88,7 @@ int hm2_emulator_encoder_rate(hm2_emulator *card, int encoder, int64_t rate)
 
 int hm2_emulator_encoder_set(hm2_emulator *card, int encoder, int a, int b, int z)
 {
+	CARD_HOLD(card);
 	struct wave *wave = begin_change(card, encoder);
 	if (wave == NULL || a < -1 || b < -1 || z < -1 || a > 1 || b > 1 || z > 1)
 		return HM2_ERR_RANGE;
@@ -92,6 +98,7 @@ int hm2_emulator_encoder_set(hm2_emulator *card, int encoder, int a, int b, int 
 
 int hm2_emulator_encoder_index(hm2_emulator *card, int encoder, int64_t every, int64_t width)
 {
+	CARD_HOLD(card);
 	struct wave *wave = begin_change(card, encoder);
 	if (wave == NULL || every < 0 || width < 0)
 		return HM2_ERR_RANGE;
@@ -101,6 +108,7 @@ int hm2_emulator_encoder_index(hm2_emulator *card, int encoder, int64_t every, i
 
 int hm2_emulator_encoder_preset(hm2_emulator *card, int encoder, int64_t position)
 {
+	CARD_HOLD(card);
 	struct wave *wave = begin_change(card, encoder);
 	if (wave == NULL)
 		return HM2_ERR_RANGE;
@@ -110,6 +118,7 @@ int hm2_emulator_encoder_preset(hm2_emulator *card, int encoder, int64_t positio
 
 int hm2_emulator_encoder_plug(hm2_emulator *card, int encoder, int plugged)
 {
+	CARD_HOLD(card);
 	struct wave *wave = begin_change(card, encoder);
 	if (wave == NULL)
 		return HM2_ERR_RANGE;
@@ -121,6 +130,7 @@ int hm2_emulator_encoder_plug(hm2_emulator *card, int encoder, int plugged)
 
 int hm2_emulator_encoder_position(hm2_emulator *card, int encoder, int64_t *position)
 {
+	CARD_HOLD(card);
 	if (encoder < 0 || encoder >= card->wave_count)
 		return HM2_ERR_RANGE;
 	card_touch(card);
@@ -130,6 +140,7 @@ int hm2_emulator_encoder_position(hm2_emulator *card, int encoder, int64_t *posi
 
 int hm2_emulator_set_mux_delay_ps(hm2_emulator *card, int64_t delay_ps)
 {
+	CARD_HOLD(card);
 	if (delay_ps < 0 || delay_ps > 1000000000)
 		return HM2_ERR_RANGE;
 	hm2_emulator_sync(card);

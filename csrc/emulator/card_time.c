@@ -58,8 +58,21 @@ static int64_t monotonic_ns(void)
 	return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
+pthread_mutex_t *card_lock(const struct hm2_emulator *card)
+{
+	pthread_mutex_t *lock = &((struct hm2_emulator *)(uintptr_t)card)->lock;
+	pthread_mutex_lock(lock);
+	return lock;
+}
+
+void card_unlock(pthread_mutex_t **lock)
+{
+	pthread_mutex_unlock(*lock);
+}
+
 int64_t card_time_ps(struct hm2_emulator *card)
 {
+	CARD_HOLD(card);
 	if (card->options.clock != HM2_CLOCK_REAL)
 		return card->now_ps;
 	int64_t now = monotonic_ns();
@@ -71,6 +84,7 @@ int64_t card_time_ps(struct hm2_emulator *card)
 
 void card_touch(struct hm2_emulator *card)
 {
+	CARD_HOLD(card);
 	int64_t ps = card_time_ps(card);
 	if (ps > card->now_ps)
 		card_advance_to(card, ps);
@@ -104,16 +118,19 @@ void card_pins_changed(struct hm2_emulator *card)
 
 int64_t hm2_emulator_now_ps(const hm2_emulator *card)
 {
+	CARD_HOLD(card);
 	return card->now_ps;
 }
 
 int64_t hm2_emulator_clocks(const hm2_emulator *card)
 {
+	CARD_HOLD(card);
 	return card->clock;
 }
 
 void hm2_emulator_advance_ps(hm2_emulator *card, int64_t ps)
 {
+	CARD_HOLD(card);
 	if (ps > 0 && card->options.clock == HM2_CLOCK_VIRTUAL)
 		card_advance_to(card, card->now_ps + ps);
 	hm2_emulator_sync(card);
@@ -126,6 +143,7 @@ void hm2_emulator_advance_clocks(hm2_emulator *card, int64_t clocks)
 
 void hm2_emulator_sync(hm2_emulator *card)
 {
+	CARD_HOLD(card);
 	card_touch(card);
 	card_settle(card);
 }

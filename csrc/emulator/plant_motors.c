@@ -37,10 +37,12 @@ static void step_pm_motor(struct hm2_emulator *card, void *machine, double secon
 
 int hm2_emulator_add_dc_motor(hm2_emulator *card, hm2_dc_motor *motor, hm2_error *error)
 {
+	CARD_HOLD(card);
 	return plant_add(card, step_dc_motor, motor, error);
 }
 
 int hm2_emulator_add_pm_motor(hm2_emulator *card, hm2_pm_motor *motor, hm2_error *error)
 {
+	CARD_HOLD(card);
 	return plant_add(card, step_pm_motor, motor, error);
 }

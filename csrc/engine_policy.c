@@ -1,0 +1,174 @@
+/* What turns outputs off, and the events that say so. Nothing here turns them on but a request. */
+#include "engine.h"
+
+#include <string.h>
+
+void engine_event(struct hm2_engine *engine, int kind, int index, int status, int64_t value, const uint32_t words[4])
+{
+	hm2_engine_event event = {
+		.time_ns = engine_now_ns(engine),
+		.cycle = engine->status.cycles,
+		.kind = kind,
+		.index = index,
+		.status = status,
+		.value = value,
+	};
+	if (words)
+		memcpy(event.words, words, sizeof event.words);
+	if (!hm2_record_ring_push(engine->events, &event))
+		engine->status.events_lost++;
+}
+
+void engine_off(struct hm2_engine *engine, uint32_t reason)
+{
+	if (engine->status.off & reason)
+		return;
+	engine->status.off |= reason;
+	engine_event(engine, HM2_EVENT_OFF, -1, engine->status.status, reason, NULL);
+}
+
+static void on(struct hm2_engine *engine)
+{
+	if (!engine->status.off)
+		return;
+	engine->status.off = 0;
+	engine_reset_axes(engine);
+	engine_event(engine, HM2_EVENT_ON, -1, 0, 0, NULL);
+}
+
+void engine_judge_exchange(struct hm2_engine *engine, int status)
+{
+	hm2_engine_status *now = &engine->status;
+	now->status = status;
+	if (status != HM2_OK) {
+		now->failures++;
+		if (now->stale++ == 0)
+			engine_event(engine, HM2_EVENT_FAILED, -1, status, 0, NULL);
+	} else if (now->stale) {
+		engine_event(engine, HM2_EVENT_RECOVERED, -1, 0, now->stale, NULL);
+		now->stale = 0;
+	}
+	if (engine->config.stale_limit && now->stale >= engine->config.stale_limit)
+		engine_off(engine, HM2_OFF_STALE);
+	if (hm2_board_gate_is_shut(engine->board))
+		engine_off(engine, HM2_OFF_BITE);
+}
+
+static void give_up(struct hm2_engine *engine, uint32_t number, int64_t value)
+{
+	struct engine_port *port = &engine->ports[number];
+	hm2_sserial_set_use(port->port, HM2_SSERIAL_USE_OTHERS);
+	engine->status.port_state[number] = HM2_PORT_GIVEN_UP;
+	engine_event(engine, HM2_EVENT_PORT_GIVEN_UP, (int)number, 0, value, NULL);
+	engine_off(engine, HM2_OFF_PORT);
+	atomic_store_explicit(&port->state, HM2_PORT_GIVEN_UP, memory_order_release);
+}
+
+/* A fault that the remote itself reports turns outputs off at once; a reply that was lost fills the bucket. */
+static void take_faults(struct hm2_engine *engine, uint32_t number)
+{
+	hm2_sserial_event event;
+	uint64_t lost;
+	while (hm2_sserial_take_events(engine->ports[number].port, &event, 1, &lost)) {
+		const uint32_t words[4] = {event.cs, event.rising, event.word, event.word_rising};
+		engine_event(engine, HM2_EVENT_PORT_FAULT, (int)number * 8 + event.channel, event.failed,
+		             (int64_t)event.transfer, words);
+		if (event.rising & HM2_SSERIAL_CS_REMOTE_FAULT_MASK || event.word_rising)
+			engine_off(engine, HM2_OFF_FAULT);
+	}
+	engine->status.events_lost += lost;
+}
+
+static void judge_port(struct hm2_engine *engine, uint32_t number)
+{
+	struct engine_port *port = &engine->ports[number];
+	const hm2_engine_config *config = &engine->config;
+	uint32_t requested = 0, failed = 0;
+	if (atomic_load_explicit(&port->state, memory_order_acquire) != HM2_PORT_RUNNING)
+		return;
+	if (engine->status.port_state[number] != HM2_PORT_RUNNING) {
+		engine->status.port_state[number] = HM2_PORT_RUNNING;
+		port->level = engine->status.port_level[number] = 0;
+		engine_event(engine, HM2_EVENT_PORT_BACK, (int)number, 0, 0, NULL);
+	}
+	const int news = sserial_cyclic_news(port->port, &requested, &failed);
+	take_faults(engine, number);
+	if (news > 0)
+		port->level += failed ? config->fault_increment : -config->fault_decrement;
+	if (port->level < 0)
+		port->level = 0;
+	engine->status.port_level[number] = port->level;
+	if (news < 0)
+		give_up(engine, number, -1);
+	else if (config->fault_limit && port->level >= config->fault_limit)
+		give_up(engine, number, port->level);
+}
+
+void engine_judge_ports(struct hm2_engine *engine)
+{
+	for (uint32_t i = 0; i < engine->port_count; i++)
+		judge_port(engine, i);
+}
+
+void hm2_engine_port_back(struct hm2_engine *engine, uint32_t port)
+{
+	if (port >= engine->port_count)
+		return;
+	hm2_sserial_set_use(engine->ports[port].port, HM2_SSERIAL_USE_CYCLE);
+	atomic_store_explicit(&engine->ports[port].state, HM2_PORT_RUNNING, memory_order_release);
+}
+
+/* Enabling looks at nothing but the request: what still holds turns outputs off again before they are sent. */
+void engine_judge_outputs(struct hm2_engine *engine, int fresh)
+{
+	const int64_t now_ns = engine_now_ns(engine);
+	const uint32_t requests = atomic_exchange(&engine->requests, 0);
+	if (fresh)
+		engine->refreshed_ns = now_ns;
+	if (requests & ENGINE_REQUEST_RESET_TRACE)
+		engine_clear_trace(engine);
+	if (requests & ENGINE_REQUEST_DISABLE)
+		engine_off(engine, HM2_OFF_USER);
+	else if (!(engine->status.off & HM2_OFF_STOP) &&
+	         (requests & ENGINE_REQUEST_ENABLE || (fresh && engine->status.off == HM2_OFF_IDLE)))
+		on(engine);
+	engine->status.outputs_age_ns = now_ns - engine->refreshed_ns;
+	if (engine->config.dead_man_ns && engine->status.outputs_age_ns > engine->config.dead_man_ns &&
+	    !(engine->status.off & HM2_OFF_IDLE))
+		engine_off(engine, HM2_OFF_DEAD_MAN);
+	if (engine->config.stale_limit && engine->status.stale >= engine->config.stale_limit)
+		engine_off(engine, HM2_OFF_STALE);
+	if (hm2_board_gate_is_shut(engine->board))
+		engine_off(engine, HM2_OFF_BITE);
+	for (uint32_t i = 0; i < engine->port_count; i++)
+		if (engine->status.port_state[i] != HM2_PORT_RUNNING)
+			engine_off(engine, HM2_OFF_PORT);
+}
+
+void engine_judge_time(struct hm2_engine *engine, int64_t missed)
+{
+	if (missed <= 0) {
+		engine->overruns_in_a_row = 0;
+		return;
+	}
+	engine->status.overruns++;
+	if (engine->overruns_in_a_row++ == 0)
+		engine_event(engine, HM2_EVENT_OVERRUN, -1, 0, missed, NULL);
+	if (engine->config.overrun_limit && engine->overruns_in_a_row >= engine->config.overrun_limit)
+		engine_off(engine, HM2_OFF_OVERRUN);
+}
+
+void hm2_engine_enable(struct hm2_engine *engine)
+{
+	atomic_fetch_or(&engine->requests, ENGINE_REQUEST_ENABLE);
+}
+
+void hm2_engine_disable(struct hm2_engine *engine)
+{
+	atomic_fetch_or(&engine->requests, ENGINE_REQUEST_DISABLE);
+}
+
+size_t hm2_engine_take_events(struct hm2_engine *engine, hm2_engine_event *events, size_t capacity)
+{
+	return hm2_record_ring_pop_many(engine->events, events, capacity);
+}
