@@ -11,6 +11,7 @@
 #include <time.h>
 
 #define STACK_BYTES 65536
+#define DOIT_MOST_NS (LIMIT_DOIT_NS / MARGIN + 100000)
 #define LAST_CYCLES 2           /* with outputs off: a DOIT may have been too soon for the first */
 #define SLEEP_MOST_NS 20000000LL /* a stop is noticed after so long at most */
 
@@ -121,18 +122,16 @@ static void one_cycle(struct hm2_engine *engine)
 	engine_schedule(engine);
 }
 
+/* Each is given the time that a DOIT takes at most: whoever comes next finds the remotes off. */
 static void last_cycles(struct hm2_engine *engine)
 {
 	engine_off(engine, HM2_OFF_STOP);
-	engine->due_ns = engine_now_ns(engine);
 	for (int i = 0; i < LAST_CYCLES; i++) {
-		engine_cycle(engine, engine->due_ns);
-		engine->due_ns += engine->config.period_ns;
-		/* not awaited through wait_until_due, which a stop cuts short */
-		if (i + 1 < LAST_CYCLES && engine->config.virtual_time)
-			hm2_board_pause_ns(engine->board, engine->due_ns - engine_now_ns(engine));
-		else if (i + 1 < LAST_CYCLES)
-			hm2_clock_pause_ns(engine->due_ns - engine_now_ns(engine));
+		engine_cycle(engine, engine_now_ns(engine));
+		if (engine->config.virtual_time)
+			hm2_board_pause_ns(engine->board, DOIT_MOST_NS);
+		else
+			hm2_clock_pause_ns(DOIT_MOST_NS);
 	}
 }
 
@@ -176,7 +175,6 @@ static void *run(void *argument)
 	struct hm2_engine *engine = launch->engine;
 	ask_for_real_time(engine);
 	touch_stack();
-	engine->due_ns = engine_now_ns(engine) + engine->config.period_ns;
 	sem_post(&launch->ready); /* launch is gone from here on */
 	while (!atomic_load(&engine->stopping))
 		one_cycle(engine);
@@ -197,7 +195,7 @@ static void prepare(struct hm2_engine *engine)
 	engine->status.stale = 0;
 	engine->elapsed_periods = 1;
 	engine->overruns_in_a_row = 0;
-	engine->due_ns = 0;
+	engine->due_ns = engine_now_ns(engine) + engine->config.period_ns;
 	(void)engine_take_outputs(engine); /* what was meant for the last run is not for this one */
 	for (uint32_t i = 0; i < engine->port_count; i++) {
 		atomic_store(&engine->ports[i].state, HM2_PORT_RUNNING);
@@ -226,6 +224,8 @@ int hm2_engine_start(struct hm2_engine *engine, hm2_engine_refusals *refusals, h
 		return hm2_error_set(error, HM2_ERR_BUSY, "engine start");
 	prepare(engine);
 	atomic_store(&engine->stopping, 0);
+	if (engine->config.virtual_time)
+		return HM2_OK;
 	atomic_store(&engine->running, 1);
 	sem_init(&launch.ready, 0, 0);
 	const int problem = launch_thread(engine, &launch);
@@ -265,13 +265,8 @@ void hm2_engine_stop(struct hm2_engine *engine)
 
 int hm2_engine_step(struct hm2_engine *engine, hm2_error *error)
 {
-	if (atomic_load(&engine->running))
+	if (atomic_load(&engine->running) || !engine->status.running)
 		return hm2_error_set(error, HM2_ERR_BUSY, "engine step");
-	if (!engine->status.running) {
-		prepare(engine);
-		atomic_store(&engine->stopping, 0);
-		engine->due_ns = engine_now_ns(engine);
-	}
 	one_cycle(engine);
 	return HM2_OK;
 }

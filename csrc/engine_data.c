@@ -116,24 +116,34 @@ static void store(const hm2_signal *signal, double value)
 	}
 }
 
+void hm2_signals_load(const hm2_signal *signals, size_t count, double *values)
+{
+	for (size_t i = 0; i < count; i++)
+		if (signals[i].place)
+			values[i] = load(&signals[i]);
+}
+
+void hm2_signals_store(const hm2_signal *signals, size_t count, const double *values)
+{
+	for (size_t i = 0; i < count; i++)
+		if (signals[i].place)
+			store(&signals[i], values[i]);
+}
+
 void engine_gather(struct hm2_engine *engine)
 {
-	for (size_t i = 0; i < engine->input_count; i++)
-		if (engine->inputs[i].place)
-			engine->input_values[i] = load(&engine->inputs[i]);
+	hm2_signals_load(engine->inputs, engine->input_count, engine->input_values);
 }
 
 void engine_scatter(struct hm2_engine *engine)
 {
-	for (size_t i = 0; i < engine->output_count; i++)
-		if (engine->outputs[i].place)
-			store(&engine->outputs[i], engine->output_values[i]);
+	hm2_signals_store(engine->outputs, engine->output_count, engine->output_values);
 }
 
 void engine_load_outputs(struct hm2_engine *engine)
 {
-	for (size_t i = 0; i < engine->output_count; i++)
-		engine->output_values[i] = engine->outputs[i].place ? load(&engine->outputs[i]) : 0.0;
+	memset(engine->output_values, 0, engine->output_count * sizeof *engine->output_values);
+	hm2_signals_load(engine->outputs, engine->output_count, engine->output_values);
 }
 
 uint64_t hm2_engine_write(struct hm2_engine *engine, const double *outputs)

@@ -80,7 +80,12 @@ void hm2_histogram_merge(hm2_histogram *into, const hm2_histogram *from)
 
 void hm2_histogram_reset(hm2_histogram *histogram)
 {
-	memset(histogram, 0, sizeof *histogram);
+	STORE(histogram->count, 0);
+	STORE(histogram->sum_ns, 0);
+	STORE(histogram->minimum_ns, 0);
+	STORE(histogram->maximum_ns, 0);
+	for (size_t i = 0; i < BUCKETS; i++)
+		STORE(histogram->buckets[i], 0);
 }
 
 int64_t hm2_histogram_percentile(const hm2_histogram *histogram, double percent)

@@ -1415,6 +1415,11 @@ typedef struct hm2_signal {
 	int32_t hold; /* of an output: 1 keeps its value while outputs are off, 0 becomes 0 */
 } hm2_signal;
 
+/* The number in a place, and a number into it (integers: rounded and limited to the type). Signals without a place are
+ * left out. Not for memory that another thread works on. */
+void hm2_signals_load(const hm2_signal *signals, size_t count, double *values);
+void hm2_signals_store(const hm2_signal *signals, size_t count, const double *values);
+
 /* A compiled controller, called once a cycle between inputs and outputs. `outputs` holds what was written last; what
  * it leaves there goes out. enabled 0: outputs are off, nothing of it goes out. It must not block. */
 typedef void (*hm2_control)(void *context, const double *inputs, double *outputs, double seconds, int32_t enabled);
@@ -1485,10 +1490,11 @@ uint32_t hm2_engine_record_size(const struct hm2_engine *engine, uint32_t image_
 /* What the image's words are: address, with bit 0 set for a write. Grows in the first cycles; returns how many. */
 size_t hm2_engine_layout(const struct hm2_engine *engine, uint32_t *addresses, size_t capacity);
 
+/* With virtual time there is no thread: hm2_engine_step runs the cycles. refusals may be NULL. */
 int hm2_engine_start(struct hm2_engine *engine, hm2_engine_refusals *refusals, hm2_error *error);
 /* Outputs off, sent, the thread ended. Idempotent; any thread but the engine's. */
 void hm2_engine_stop(struct hm2_engine *engine);
-/* One cycle in the caller's thread, when it is due; HM2_ERR_BUSY while the thread runs. */
+/* One cycle in the caller's thread, when it is due. HM2_ERR_BUSY: not started, or it has a thread. */
 int hm2_engine_step(struct hm2_engine *engine, hm2_error *error);
 /* In a forked child: the thread is the parent's, nothing is to be stopped. */
 void hm2_engine_abandon(struct hm2_engine *engine);

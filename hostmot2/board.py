@@ -54,6 +54,8 @@ class Board:
         self.lock = threading.RLock()
         self.url = transport.url
         self.read_only = transport.read_only
+        self.virtual_time = transport.virtual_time
+        """Whether time on the card passes only while somebody waits (an emulated card with that clock)."""
         self._transport = transport
         self._parts: dict[str, Any] = {}
         self._restore: list[tuple[int, int, Callable[[], object]]] = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
@@ -46,6 +46,8 @@ class Cycle:
         self._handle: Any = None
         self.watched = False
         """Whether the board's watchdog is in use."""
+        self.engine: object = None
+        """The cycle engine that has the cycle; while it has, nobody else may exchange through it."""
         self.automatic_watchdog = True
         """Whether the watchdog is armed by the first exchange that writes; set to False only knowingly."""
 
@@ -88,6 +90,18 @@ class Cycle:
         lib.hm2_cycle_get_counters(self.handle, counters)
         return {"cycles": counters.cycles, "failures": counters.failures}
 
+    def __call__(
+        self, rate: float = 1000.0, *, seconds: float | None = None, **options: Any
+    ) -> Iterator[Any]:
+        """`for frame in hm2.cycle(rate=1000)`: a loop in Python on an engine that runs as long as the loop.
+
+        rate: cycles per second. seconds: the loop ends after so long; None: never. Other options are those of
+        `hostmot2.engine.Engine`. Each frame holds the readings of one cycle; outputs that the body sets, on
+        cards or in `frame.outputs`, go out with the next one. Leaving the loop by any way turns outputs off.
+        """
+        frames: Iterator[Any] = self._board.engine.loop(rate, seconds=seconds, **options)
+        return frames
+
     def run(self) -> None:
         """Read, write and process: one exchange.
 
@@ -107,6 +121,8 @@ class Cycle:
         self._do(lib.hm2_cycle_write)
 
     def _do(self, operation: Callable[[Any, Any], int]) -> None:
+        if self.engine is not None:
+            raise errors.EngineError(f"{self._board.name}: the cycle belongs to a running engine")
         with self._board.lock:
             status = operation(self.handle, self._error)
             if status:

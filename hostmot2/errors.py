@@ -55,6 +55,7 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |         +-- WrongPinUnit
      |         +-- DuplicateOutput
      +-- BitfileError                   an FPGA image file is broken or not for this card
+     +-- EngineError                    the cycle engine has the board, or does not run
      +-- SserialError                   a smart-serial port, channel or remote failed
 
 A code (HM2-E0xx) is stable: once given to a class it is never given to another. E010 to E019 transports,
@@ -126,6 +127,13 @@ class CardBusy(TransportError):
 
     code = "HM2-E013"
     fix = "Only one process may drive a card: end the process named in the message."
+
+
+class EngineError(HostMot2Error):
+    """The cycle engine cannot do that now: it has the board, or it does not run."""
+
+    code = "HM2-E110"
+    fix = "While an engine runs, exchange values with it (write, read, frames), or stop() it first."
 
 
 class TransportClosed(TransportError):

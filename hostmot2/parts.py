@@ -9,6 +9,7 @@ from __future__ import annotations
 
 PARTS: dict[str, tuple[str, str]] = {
     "cards": ("hostmot2.cards", "Cards"),
+    "engine": ("hostmot2.engine", "Engines"),
     "cycle": ("hostmot2.cycle", "Cycle"),
     "ioport": ("hostmot2.modules.ioport", "Ioport"),
     "gpio": ("hostmot2.modules.ioport", "Gpio"),

@@ -227,6 +227,8 @@ class EmulatedBoard:
         strict: bool = False,
         exact: bool = True,
     ) -> None:
+        self.clock = clock
+        """"virtual" or "real"."""
         if clock not in ("virtual", "real") or wire not in ("on", "off"):
             raise ValueError('clock is "virtual" or "real", wire is "on" or "off"')
         if sserial_channels is not None and not 1 <= sserial_channels <= 8:

@@ -32,6 +32,7 @@ class Watchdog:
         self._board = board
         self._module = board.module(Gtag.WATCHDOG)
         self._timeout = DEFAULT_TIMEOUT
+        self._relaxed = False
         self._part = ffi.new("hm2_cyclic *")
         self._state: Any = ffi.new("hm2_watchdog *")
         self._state.board = board.handle
@@ -90,9 +91,25 @@ class Watchdog:
             self._raise_bite()
             if self.armed:
                 return
+            if self._relaxed:
+                self._state.armed = 1
+                self._relaxed = False
+                self.check()
+                self._raise_bite()
             self._board.write(self._address(Registers.timer.number), self._periods(self._timeout))
             self._board.write(self._address(Registers.status.number), 0)
             self._state.armed = 1
+
+    def relax(self) -> None:
+        """Take the longest time there is, for when outputs are off and exchanges end: 64 s on a 5I25.
+
+        Stopping the counter would be a bite. arm() brings the timeout back, and finds a bite meanwhile.
+        """
+        with self._board.lock:
+            if self.armed:
+                self._state.armed = 0
+                self._relaxed = True
+                self._board.write(self._address(Registers.timer.number), Registers.timer.count.maximum)
 
     def feed(self) -> None:
         """Reload the counter now; the cycle does it by itself. Raises WatchdogBite."""
@@ -129,6 +146,7 @@ class Watchdog:
             if not self.check():
                 return
             self._state.has_bitten = 0
+            self._relaxed = False
             lib.hm2_board_set_gate(self._board.handle, 0)
             self._board.write(self._address(Registers.timer.number), Registers.timer.stopped.mask)
             self._board.write(self._address(Registers.status.number), 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NoReturn
 
 from hostmot2._core import lib
-from hostmot2.errors import SserialError, check, evidence, text
+from hostmot2.errors import EngineError, SserialError, check, evidence, text
 from hostmot2.remotes.errors import BrokenTable, UnsupportedRemote, VerifyFailed
 
 __all__ = [
@@ -98,6 +98,8 @@ def raise_for(status: int, error: Any, port: int) -> NoReturn:
             )
             hung.detail = detail
             raise hung
+        if detail == lib.HM2_SSERIAL_LENT:
+            raise EngineError(f"{at}: the cycle engine has the port ({where})", **facts)
         if detail == lib.HM2_SSERIAL_MODE_CONFLICT:
             raise PortRunning(f"{at}: channels run in the other mode", **facts)
         if detail == lib.HM2_SSERIAL_NOT_STARTED:

@@ -42,4 +42,4 @@ def transport_of(card: EmulatedBoard, url: str | None = None) -> Transport:
     bus = ffi.new("hm2_bus *")
     lib.hm2_emulator_bus(card.handle, bus)
     name = card.description.name if card.description else "custom"
-    return Transport(bus=bus, url=url or f"emu://{name}", keep=(card,))
+    return Transport(bus=bus, url=url or f"emu://{name}", keep=(card,), virtual_time=card.clock == "virtual")

@@ -1,0 +1,217 @@
+"""What an engine moves: names, and the places in the parts' memory they stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from hostmot2._core import ffi, lib
+from hostmot2.fields import Direction, FieldKind
+from hostmot2.process_data import ProcessData
+from hostmot2.registers import Gtag
+
+if TYPE_CHECKING:
+    from hostmot2.board import Board
+    from hostmot2.sserial import SserialPort
+
+Doubles = npt.NDArray[np.float64]
+
+_F64, _I64, _U64, _I32, _U32 = (
+    lib.HM2_SIGNAL_F64,
+    lib.HM2_SIGNAL_I64,
+    lib.HM2_SIGNAL_U64,
+    lib.HM2_SIGNAL_I32,
+    lib.HM2_SIGNAL_U32,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One number. place: in memory that only the engine uses, None: in the vector alone. mirror: where
+    `Channel.inputs` and `Channel.outputs` have it. hold: keeps its value while outputs are off.
+    """
+
+    name: str
+    place: Any = None
+    type: int = _F64
+    bit: int = -1
+    hold: bool = False
+    mirror: Any = None
+    unit: str = ""
+
+
+def c_signals(signals: Sequence[Signal], *, mirrors: bool = False) -> Any:
+    """The `hm2_signal[]` of some signals, or of their mirrors."""
+    array: Any = ffi.new("hm2_signal[]", max(1, len(signals)))
+    for entry, signal in zip(array, signals, strict=False):
+        entry.place = ffi.NULL if (place := signal.mirror if mirrors else signal.place) is None else place
+        entry.type, entry.bit, entry.hold = signal.type, signal.bit, signal.hold
+    return array
+
+
+class Names(Mapping[str, int]):
+    """Index by name, in any capitals. The end of a dotted name will do where it is unique: "analogout0"."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.names = list(names)
+        self._found: dict[str, int] = {}
+        ends: dict[str, set[int]] = {}
+        for index, name in enumerate(self.names):
+            parts = name.casefold().split(".")
+            for first in range(1, len(parts)):
+                ends.setdefault(".".join(parts[first:]), set()).add(index)
+        for end, indices in ends.items():
+            if len(indices) == 1:
+                self._found[end] = indices.pop()
+        self._found |= {name.casefold(): index for index, name in enumerate(self.names)}
+
+    def __getitem__(self, name: str) -> int:
+        index = self._found.get(name.casefold())
+        if index is None:
+            several = [full for full in self.names if full.casefold().endswith(f".{name.casefold()}")]
+            raise KeyError(f"no signal {name!r}" + (f": {', '.join(several)}" if several else ""))
+        return index
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+class Readings(Mapping[str, float]):
+    """Values by name; `array` is all of them, in the order of the names."""
+
+    __slots__ = ("_names", "array")
+
+    def __init__(self, names: Names, array: Doubles) -> None:
+        self._names = names
+        self.array = array
+
+    def __getitem__(self, name: str) -> float:
+        return float(self.array[self._names[name]])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
+
+    def index(self, name: str) -> int:
+        """Where a value lies in `array`. KeyError: no such name, or several end so."""
+        return self._names[name]
+
+    def __repr__(self) -> str:
+        return "\n".join(f"{name} {value:g}" for name, value in self.items())
+
+
+class Commands(Readings, MutableMapping[str, float]):
+    """Values to be sent, by name or through `array`. They go out with Engine.write()."""
+
+    __slots__ = ()
+
+    def __setitem__(self, name: str, value: float) -> None:
+        self.array[self._names[name]] = value
+
+    def __delitem__(self, name: str) -> None:
+        raise TypeError("an output cannot be deleted")
+
+
+def _member(state: Any, name: str) -> Any:
+    return ffi.addressof(state[0], name)
+
+
+def encoder_signals(board: Board) -> list[Signal]:
+    """Position, velocity and count of every encoder, if the card has any."""
+    if not any(module.gtag in (Gtag.ENCODER, Gtag.MUXED_ENCODER) for module in board.modules):
+        return []
+    signals = []
+    for number, encoder in enumerate(board.encoders):
+        state, name = encoder._state, f"encoder{number}"
+        signals += [
+            Signal(f"{name}.position", _member(state, "position")),
+            Signal(f"{name}.velocity", _member(state, "velocity")),
+            Signal(f"{name}.raw_count", _member(state, "raw_count"), _I64, unit="counts"),
+        ]
+    return signals
+
+
+def stepgen_signals(board: Board) -> tuple[list[Signal], list[Signal]]:
+    """Of the step generators, if the program has used them: inputs and outputs."""
+    inputs, outputs = [], []
+    for number, stepgen in enumerate(board.stepgens if "stepgens" in board._parts else ()):
+        state, name = stepgen._state, f"stepgen{number}"
+        inputs += [
+            Signal(f"{name}.position", _member(state, "position")),
+            Signal(f"{name}.velocity", _member(state, "velocity")),
+        ]
+        outputs += [
+            Signal(f"{name}.position_command", _member(state, "position_command"), hold=True),
+            Signal(f"{name}.velocity_command", _member(state, "velocity_command")),
+            Signal(f"{name}.enable", _member(state, "enable"), _I32),
+        ]
+    return inputs, outputs
+
+
+def gpio_signals(board: Board) -> list[Signal]:
+    """The levels of all pads, if the program has used the I/O ports: a word per port."""
+    if "ioport" not in board._parts:
+        return []
+    pads = board.ioport._pads
+    return [Signal(f"ioport{n}.pads", ffi.addressof(pads, n), _U32) for n in range(board.ioport.ports)]
+
+
+class PortData:
+    """A port's process data in memory of the engine's own, so that programs may assign at any time."""
+
+    def __init__(self, port: SserialPort) -> None:
+        self.port = port
+        self.mask = port.started
+        self.theirs = port.process_data
+        core = port._core
+        self.ours = ProcessData(
+            self.theirs.layouts, input_image=core._words("inputs"), output_image=core._words("outputs")
+        )
+        for index, scaling in enumerate(self.theirs._scalings):
+            self.ours._configure(index, scaling)
+        self.inputs = self._signals(Direction.INPUT)
+        self.outputs = self._signals(Direction.OUTPUT)
+
+    def _signals(self, direction: Direction) -> list[Signal]:
+        signals = []
+        for index, (channel, element) in enumerate(self.theirs._elements):
+            if element.direction is not direction or not element.is_visible or not self.mask >> channel & 1:
+                continue
+            whole = element.field.kind in (FieldKind.BITS, FieldKind.STREAM)
+            signals.append(
+                Signal(
+                    f"sserial{self.port.number}.{channel}.{element.name}",
+                    _place(self.ours, index, whole),
+                    _U64 if whole else _F64,
+                    mirror=_place(self.theirs, index, whole),
+                    unit=element.field.unit,
+                )
+            )
+        return signals
+
+    def take(self) -> None:
+        """From now on transfers use our memory."""
+        lib.hm2_sserial_set_process_data(self.port._core.handle, self.ours._plan)
+        self.port.cyclic = self.mask
+
+    def give_back(self) -> None:
+        """Transfers use the program's memory again, its outputs at zero."""
+        self.port.cyclic = 0
+        for outputs in self.theirs.outputs.values():
+            outputs.off()
+        lib.hm2_sserial_set_process_data(self.port._core.handle, self.theirs._plan)
+
+
+def _place(data: ProcessData, index: int, whole: bool) -> Any:
+    if whole:
+        return ffi.cast("uint64_t *", data.raw.ctypes.data) + index
+    return ffi.cast("double *", data.values.ctypes.data) + index
