@@ -1,8 +1,8 @@
 """Every tests/c/test_*.c is a program of its own, built with the whole core under the sanitizers and run.
 
 A file may include parts of the core as `../../csrc/name.c` to test them from the inside, and may ask for
-more with a comment line: `link: OPTIONS` for the linker, or `no sanitizers`. Programs with threads say `also under
-the thread sanitizer`, and are built with the driver's half of the core and run a second time.
+more with a comment line: `link: OPTIONS` for the linker, or `no sanitizers`. Programs with threads say `also
+under the thread sanitizer`, and are built with the driver's half of the core and run a second time.
 """
 
 import os
