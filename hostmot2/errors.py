@@ -132,7 +132,7 @@ class CardBusy(TransportError):
 class EngineError(HostMot2Error):
     """The cycle engine cannot do that now: it has the board, or it does not run."""
 
-    code = "HM2-E110"
+    code = "HM2-E120"
     fix = "While an engine runs, exchange values with it (write, read, frames), or stop() it first."
 
 
