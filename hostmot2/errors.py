@@ -61,7 +61,7 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
 A code (HM2-E0xx) is stable: once given to a class it is never given to another. E010 to E019 transports,
 E020 to E039 smart serial, E040 to E049 modules at work, E050 to E079 the card's description,
 E080 to E089 dumps, E090 to E099 Ethernet cards and their images, E100 to E109 LBP over a serial line,
-E110 to E119 recordings.
+E110 to E119 recordings, E120 to E129 the cycle engine.
 """
 
 from __future__ import annotations
