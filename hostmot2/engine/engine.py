@@ -86,9 +86,9 @@ class Engine:
     when write() has not come for `dead_man` seconds (0: never); when `stale_limit` exchanges in a row
     failed; when the watchdog has bitten; when a remote reports a fault; when a port's fault bucket
     (`fault_bucket`: added by a failed exchange with its remotes, taken off by a good one, limit) is full;
-    when an axis exceeds its following error; after `overrun_limit` overruns in a row (0: never). The loop goes
-    on, events() says why, and only enable() turns them on again. restart_ports: how often a port given up is
-    started anew; its outputs stay off.
+    when an axis exceeds its following error; after `overrun_limit` overruns in a row (0: never). The loop
+    goes on, events() says why, and only enable() turns them on again. restart_ports: how often a port given
+    up is started anew; its outputs stay off.
 
     overrun: "skip" leaves periods out that have passed, "catch-up" makes up for up to ten. real_time:
     SCHED_FIFO (True, or a priority), memory locked; cpu: the processor to run on; early: seconds awake before
@@ -127,7 +127,7 @@ class Engine:
         self.rate = rate
         self.restart_ports = restart_ports
         self.handle: Any = None
-        self._lock = threading.RLock()
+        self._lock = threading.RLock()  # behind the board's lock, where both are needed
         self._error = new_error()
         self._config = self._new_config(rate, dead_man, stale_limit, overrun, overrun_limit, fault_bucket)
         self._config.early_ns = round(early * 1e9)
@@ -311,7 +311,7 @@ class Engine:
 
         Raises EngineError if another engine runs, WatchdogBite, TransportError.
         """
-        with self._lock, self.board.lock:
+        with self.board.lock, self._lock:
             if self._started:
                 return self
             cycle = self.board.cycle
@@ -336,7 +336,8 @@ class Engine:
                 self.stop()
                 raise
             if self.restart_ports and self._ports:
-                self._restarter = Restarter(self, self.restart_ports)
+                threaded = not self.board.virtual_time
+                self._restarter = Restarter(self, self.restart_ports, threaded=threaded)
             return self
 
     def _build(self, cycle: Any) -> None:
@@ -389,8 +390,10 @@ class Engine:
 
     def stop(self) -> None:
         """Outputs off and sent, the thread ended, the board everybody's again. Idempotent."""
-        with self._lock:
-            if not self._started or os.getpid() != self._pid:
+        if os.getpid() != self._pid:
+            return
+        with self.board.lock, self._lock:
+            if not self._started:
                 return
             self._started = False
             if self._restarter is not None:
@@ -403,22 +406,23 @@ class Engine:
 
     def _let_go(self) -> None:
         self._take_events()
-        with self.board.lock:
-            self.board.cycle.engine = None
-            for port in self._ports:
-                port.give_back()
-            self.outputs.array[:] = 0.0
-            self._mirrored[:] = 0.0
-            _running.discard(self)
-            if self._has_watchdog and not self.board.watchdog.has_bitten:
-                self.board.watchdog.relax()
+        _running.discard(self)
+        self.board.cycle.engine = None
+        for port in self._ports:
+            port.give_back()
+        self.outputs.array[:] = 0.0
+        self._mirrored[:] = 0.0
+        if self._has_watchdog and not self.board.watchdog.has_bitten:
+            self.board.watchdog.relax()
 
     def step(self) -> Frame:
         """One cycle, on a card with virtual time. Raises EngineError elsewhere, and when not started."""
         if not self._started or not self.board.virtual_time:
             raise EngineError("step() is for a started engine on a card with virtual time")
-        with self._lock:
+        with self.board.lock, self._lock:
             check(lib.hm2_engine_step(self.handle, self._error), self._error)
+            if self._restarter is not None:
+                self._restarter.look()
             return self.read()
 
     # -- values
