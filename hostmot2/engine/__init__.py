@@ -9,8 +9,10 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from hostmot2.engine.axis import Axis
-from hostmot2.engine.engine import Engine, Frame, RealTimeWarning
+from hostmot2.engine.engine import Engine
 from hostmot2.engine.facts import EngineStatus, Event, EventKind, Off
+from hostmot2.engine.frame import Frame
+from hostmot2.engine.options import RealTimeWarning
 
 if TYPE_CHECKING:
     from hostmot2.board import Board

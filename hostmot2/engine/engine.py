@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 import threading
-import warnings
 import weakref
 from collections import deque
 from collections.abc import Iterator
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -17,61 +16,22 @@ from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
 from hostmot2.engine import signals as signal
 from hostmot2.engine.axis import Axis, pid_of
-from hostmot2.engine.facts import EngineStatus, Event, EventKind, Off, event_of, status_of
+from hostmot2.engine.facts import EngineStatus, Event, Off, event_of, status_of
+from hostmot2.engine.frame import Frame
+from hostmot2.engine.options import EARLY, Overrun, Style, new_config, warn_of
 from hostmot2.engine.restart import Restarter
 from hostmot2.engine.signals import Commands, Names, Readings, Signal
 from hostmot2.errors import EngineError, check, new_error
 from hostmot2.histogram import Histogram
-from hostmot2.idrom import HostMot2Warning
 from hostmot2.record_ring import STAGES, RecordRing, record_dtype
 from hostmot2.registers import Gtag
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
 
-PRIORITY = 60
-"""SCHED_FIFO priority of real_time=True."""
-EARLY = 60e-6
 EVENTS_KEPT = 10_000
 WAIT_NS = 50_000_000
 _running: weakref.WeakSet[Engine] = weakref.WeakSet()
-
-
-class RealTimeWarning(HostMot2Warning):
-    """The system did not grant what a real-time loop needs; the engine runs without."""
-
-
-class Frame:
-    """The readings of one cycle, all of the same moment.
-
-    `frame["encoder0.position"]`, or `frame.inputs.array`; the end of a name will do where it is unique.
-    `outputs` is the engine's: what is set there goes out with the next write.
-    """
-
-    __slots__ = ("inputs", "outputs", "sent", "status")
-
-    def __init__(self, status: EngineStatus, inputs: Readings, sent: Readings, outputs: Commands) -> None:
-        self.status = status
-        self.inputs = inputs
-        self.sent = sent
-        """What went out in that cycle, controllers included; zero while outputs are off."""
-        self.outputs = outputs
-
-    @property
-    def cycle(self) -> int:
-        """Number of the cycle, from 0."""
-        return self.status.cycles - 1
-
-    @property
-    def off(self) -> Off:
-        """Why outputs are off; 0: they are on."""
-        return self.status.off
-
-    def __getitem__(self, name: str) -> float:
-        return self.inputs[name]
-
-    def __repr__(self) -> str:
-        return f"<Frame of cycle {self.cycle}, outputs {self.off.name or 'on' if self.off else 'on'}>"
 
 
 class Engine:
@@ -105,10 +65,10 @@ class Engine:
         board: Board,
         rate: float = 1000.0,
         *,
-        style: Literal["auto", "pipelined", "read-modify-write"] = "auto",
+        style: Style = "auto",
         dead_man: float = 0.1,
         stale_limit: int = 5,
-        overrun: Literal["skip", "catch-up"] = "skip",
+        overrun: Overrun = "skip",
         overrun_limit: int = 0,
         fault_bucket: tuple[int, int, int] = (10, 1, 200),
         restart_ports: int = 0,
@@ -117,24 +77,26 @@ class Engine:
         cpu: int | None = None,
         early: float = EARLY,
     ) -> None:
-        if not 1e-3 <= rate <= 20000:
-            raise ValueError(f"rate {rate} Hz is outside 0.001..20000 Hz")
-        if overrun not in ("skip", "catch-up"):
-            raise ValueError(f"overrun is 'skip' or 'catch-up', not {overrun!r}")
-        if dead_man < 0 or early < 0:
-            raise ValueError("dead_man and early are seconds, at least 0")
         self.board = board
         self.rate = rate
         self.restart_ports = restart_ports
         self.handle: Any = None
         self._lock = threading.RLock()  # behind the board's lock, where both are needed
         self._error = new_error()
-        self._config = self._new_config(rate, dead_man, stale_limit, overrun, overrun_limit, fault_bucket)
-        self._config.early_ns = round(early * 1e9)
-        self._config.style = self._style(style, rate)
-        if reply_timeout is not None:
-            self._config.reply_ns = round(reply_timeout * 1e9)
-        self._ask_for_real_time(real_time, cpu)
+        self._config = new_config(
+            board,
+            rate,
+            style=style,
+            dead_man=dead_man,
+            stale_limit=stale_limit,
+            overrun=overrun,
+            overrun_limit=overrun_limit,
+            fault_bucket=fault_bucket,
+            reply_timeout=reply_timeout,
+            real_time=real_time,
+            cpu=cpu,
+            early=early,
+        )
         self._ports = [signal.PortData(p) for p in self._running_ports()]
         self._collect()
         self._axes: list[tuple[Axis, tuple[str, str, str | None, str]]] = []
@@ -146,43 +108,6 @@ class Engine:
         self._pid = os.getpid()
 
     # -- what it is made of
-
-    def _new_config(
-        self,
-        rate: float,
-        dead_man: float,
-        stale_limit: int,
-        overrun: str,
-        overrun_limit: int,
-        bucket: tuple[int, int, int],
-    ) -> Any:
-        config: Any = ffi.new("hm2_engine_config *")
-        lib.hm2_engine_defaults(config)
-        config.period_ns = round(1e9 / rate)
-        config.reply_ns = min(config.period_ns * 4 // 5, 20_000_000)
-        config.dead_man_ns = round(dead_man * 1e9)
-        config.stale_limit, config.overrun_limit = stale_limit, overrun_limit
-        config.overrun = lib.HM2_OVERRUN_SKIP if overrun == "skip" else lib.HM2_OVERRUN_CATCH_UP
-        config.fault_increment, config.fault_decrement, config.fault_limit = bucket
-        config.virtual_time = self.board.virtual_time
-        return config
-
-    def _style(self, style: str, rate: float) -> int:
-        styles = {
-            "pipelined": lib.HM2_ENGINE_PIPELINED,
-            "read-modify-write": lib.HM2_ENGINE_READ_MODIFY_WRITE,
-        }
-        if style == "auto":
-            style = "pipelined" if self.board.url.startswith("udp:") and rate <= 1600 else "read-modify-write"
-        if style not in styles:
-            raise ValueError(f"style is 'auto', 'pipelined' or 'read-modify-write', not {style!r}")
-        return int(styles[style])
-
-    def _ask_for_real_time(self, real_time: bool | int, cpu: int | None) -> None:
-        if real_time:
-            self._config.priority = PRIORITY if real_time is True else int(real_time)
-            self._config.lock_memory = 1
-        self._config.cpu = -1 if cpu is None else cpu
 
     def _running_ports(self) -> list[Any]:
         if "sserial" not in self.board._parts:
@@ -378,15 +303,7 @@ class Engine:
     def _launch(self) -> None:
         refusals: Any = ffi.new("hm2_engine_refusals *")
         check(lib.hm2_engine_start(self.handle, refusals, self._error), self._error)
-        names = {"priority": "SCHED_FIFO", "cpu": f"processor {self._config.cpu}", "lock_memory": "mlockall"}
-        for name, what in names.items():
-            if problem := getattr(refusals, name):
-                warnings.warn(
-                    f"{what} was refused ({os.strerror(problem)}): the loop runs, with more jitter. "
-                    "`hm2 setup rt` prints what the system needs",
-                    RealTimeWarning,
-                    stacklevel=4,
-                )
+        warn_of(refusals, self._config.cpu)
 
     def stop(self) -> None:
         """Outputs off and sent, the thread ended, the board everybody's again. Idempotent."""
@@ -585,5 +502,3 @@ def _after_fork() -> None:
 
 
 os.register_at_fork(after_in_child=_after_fork)
-
-__all__ = ["Engine", "EventKind", "Frame", "RealTimeWarning"]
