@@ -8,7 +8,7 @@ import weakref
 from collections import deque
 from collections.abc import Iterator
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, Unpack
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from hostmot2.engine import signals as signal
 from hostmot2.engine.axis import Axis, pid_of
 from hostmot2.engine.facts import EngineStatus, Event, Off, event_of, status_of
 from hostmot2.engine.frame import Frame
-from hostmot2.engine.options import EARLY, Overrun, Style, new_config, warn_of
+from hostmot2.engine.options import Options, new_config, warn_of
 from hostmot2.engine.restart import Restarter
 from hostmot2.engine.signals import Commands, Names, Readings, Signal
 from hostmot2.errors import EngineError, check, new_error
@@ -65,17 +65,8 @@ class Engine:
         board: Board,
         rate: float = 1000.0,
         *,
-        style: Style = "auto",
-        dead_man: float = 0.1,
-        stale_limit: int = 5,
-        overrun: Overrun = "skip",
-        overrun_limit: int = 0,
-        fault_bucket: tuple[int, int, int] = (10, 1, 200),
         restart_ports: int = 0,
-        reply_timeout: float | None = None,
-        real_time: bool | int = False,
-        cpu: int | None = None,
-        early: float = EARLY,
+        **options: Unpack[Options],
     ) -> None:
         self.board = board
         self.rate = rate
@@ -83,20 +74,7 @@ class Engine:
         self.handle: Any = None
         self._lock = threading.RLock()  # behind the board's lock, where both are needed
         self._error = new_error()
-        self._config = new_config(
-            board,
-            rate,
-            style=style,
-            dead_man=dead_man,
-            stale_limit=stale_limit,
-            overrun=overrun,
-            overrun_limit=overrun_limit,
-            fault_bucket=fault_bucket,
-            reply_timeout=reply_timeout,
-            real_time=real_time,
-            cpu=cpu,
-            early=early,
-        )
+        self._config = new_config(board, rate, **options)
         self._ports = [signal.PortData(p) for p in self._running_ports()]
         self._collect()
         self._axes: list[tuple[Axis, tuple[str, str, str | None, str]]] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from hostmot2._core import ffi, lib
 from hostmot2.idrom import HostMot2Warning
@@ -26,6 +26,21 @@ _STYLES = {"pipelined": lib.HM2_ENGINE_PIPELINED, "read-modify-write": lib.HM2_E
 _OVERRUNS = {"skip": lib.HM2_OVERRUN_SKIP, "catch-up": lib.HM2_OVERRUN_CATCH_UP}
 
 
+class Options(TypedDict, total=False):
+    """What may be told, as keywords; the defaults are those of new_config."""
+
+    style: Style
+    dead_man: float
+    stale_limit: int
+    overrun: Overrun
+    overrun_limit: int
+    fault_bucket: tuple[int, int, int]
+    reply_timeout: float | None
+    real_time: bool | int
+    cpu: int | None
+    early: float
+
+
 class RealTimeWarning(HostMot2Warning):
     """The system did not grant what a real-time loop needs; the engine runs without."""
 
@@ -34,16 +49,16 @@ def new_config(
     board: Board,
     rate: float,
     *,
-    style: Style,
-    dead_man: float,
-    stale_limit: int,
-    overrun: Overrun,
-    overrun_limit: int,
-    fault_bucket: tuple[int, int, int],
-    reply_timeout: float | None,
-    real_time: bool | int,
-    cpu: int | None,
-    early: float,
+    style: Style = "auto",
+    dead_man: float = 0.1,
+    stale_limit: int = 5,
+    overrun: Overrun = "skip",
+    overrun_limit: int = 0,
+    fault_bucket: tuple[int, int, int] = (10, 1, 200),
+    reply_timeout: float | None = None,
+    real_time: bool | int = False,
+    cpu: int | None = None,
+    early: float = EARLY,
 ) -> Any:
     """The `hm2_engine_config *`; see Engine for the meaning. Raises ValueError."""
     if not 1e-3 <= rate <= 20000:
