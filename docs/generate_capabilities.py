@@ -277,6 +277,14 @@ BOARD = [
         ("tests/test_board.py",),
     ),
     Row(
+        "A real-time thread for the cycle: schedule, dead-man, policies for stale data, overruns and faults, "
+        "position controllers, trace and records of every cycle",
+        ("hostmot2.engine:Engine", "csrc/engine.c"),
+        ("csrc/emulator/card_bus.c",),
+        ("tests/test_engine.py",),
+        part="engine",
+    ),
+    Row(
         "Link errors counted, a level at which the link is given up, recovery that writes everything anew",
         ("hostmot2.board:Board", "csrc/udp_retry.c"),
         ("csrc/emulator/ethernet_fault.c",),
