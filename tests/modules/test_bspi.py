@@ -11,7 +11,7 @@ from hostmot2 import errors
 from hostmot2.board import Board
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.stimulus import SpiWord
-from tests.modules.module_card import CLOCK_LOW, ModuleWords, module_card, pin
+from tests.modules.module_card import CLOCK_LOW, ModuleWords, module_card, pin, written
 from tests.modules.waveform import edges
 
 BSPI, DBSPI, BASE = 0x0E, 0x0F, 0x5500
@@ -165,15 +165,17 @@ def test_pins_are_let_go_at_close(emulated: EmulatedBoard) -> None:
     assert {emulated.pin(n).level for n in (NOT_FRAME, OUT, CLOCK, SELECT_0)} == {"H"}
 
 
-def test_after_a_bite_descriptors_are_back_and_pins_off(board: Board, emulated: EmulatedBoard) -> None:
+def test_after_a_bite_descriptors_are_back_and_pins_off(
+    board: Board, emulated: EmulatedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
     spi = board.bspis[0]
     spi.setup(0, bits=8, frequency=1e6, chip_select=0)
     emulated.advance(60_000.0)
     with pytest.raises(errors.WatchdogBite):
         board.cycle.run()
-    for _ in range(16):
-        emulated.write(DESCRIPTOR, 0)
+    words = written(board, monkeypatch)
     board.watchdog.acknowledge()
+    assert words[DESCRIPTOR] == 0x10 << 24 | 49 << 8 | 7
     assert emulated.pin(OUT).level == "H"
     emulated.write(BASE, 0x5A)
     emulated.advance(100.0)

@@ -171,6 +171,7 @@ def test_silent_at_close(emulated: EmulatedBoard) -> None:
     with hostmot2.open(emulated) as board:
         board.pktuarts[0].setup(9600)
         board.pktuarts[0].send(b"turn on the spindle")
+    assert (emulated.read(TX + 0x300), emulated.read(RX + 0x300)) == (0, 0)
     emulated.advance(100_000.0)
     assert emulated.pktuart(0).received == []
     assert emulated.pin(DRIVE).level == "H"

@@ -93,6 +93,33 @@ def test_a_transfer_under_way_gives_nothing_new(board: Board, emulated: Emulated
     assert encoder.count == 200
 
 
+def test_what_an_earlier_transfer_left_is_no_reading(board: Board, emulated: EmulatedBoard) -> None:
+    encoder = board.ssis[0]
+    emulated.ssi(0).value = 0x3FF
+    encoder.start("position%10e")
+    exchange(board, emulated)
+    encoder.stop()
+    encoder.start("speed%10u", timer=4)
+    exchange(board, emulated)
+    assert (encoder.fresh, encoder.values) == (False, {})
+
+
+@pytest.mark.parametrize(
+    ("busy", "control", "fresh"), [(0, 1, 1), (1, 1, 0), (2, 1, 1), (0, 3, 0), (0, 0, 0)]
+)
+def test_only_whole_and_new_data_is_taken(busy: int, control: int, fresh: int) -> None:
+    channel = ffi.new("hm2_absolute *", {"bits": 64})
+    words = ffi.new("uint32_t[]", [busy, control, 0x12345678, 0x9ABCDEF0, 0])
+    group = ffi.new("hm2_absolutes *")
+    group.channels, group.words, group.count = channel, words, 1
+    group.control_available_mask, group.control_busy_mask = 1, 2
+    part = ffi.new("hm2_cyclic *")
+    lib.hm2_absolutes_part(group, part)
+    part.process(part.self, 0)
+    assert (channel.fresh, channel.missed) == (fresh, 1 - fresh)
+    assert channel.data == (0x12345678_9ABCDEF0 if fresh else 0)
+
+
 def test_reading_takes_the_data(board: Board, emulated: EmulatedBoard) -> None:
     board.ssis[0].start("position%20e", frequency=100e3)
     emulated.write(START, 0)

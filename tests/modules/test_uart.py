@@ -130,6 +130,7 @@ def test_silent_at_close(emulated: EmulatedBoard) -> None:
     with hostmot2.open(emulated) as board:
         board.uarts[0].setup(9600)
         board.uarts[0].send(bytes(60))
+    assert (emulated.read(TX + 0x100), emulated.read(TX + 0x300)) == (0, 0)
     emulated.advance(100_000.0)
     assert emulated.uart(0).received == b""
     assert emulated.pin(0).level == "H"
