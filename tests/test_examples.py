@@ -18,6 +18,7 @@ SAYS = {
     "fault_drill.py": "HM2-E041",
     "torque_8i20.py": "turns/s",
     "card_plugin.py": "0x0020",
+    "closed_loop.py": "settled at 2.00",
 }
 
 
