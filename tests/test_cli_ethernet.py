@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -188,3 +190,16 @@ def test_only_ethernet_cards_are_served(hm2):
     assert hm2("emulate", "5i25+7i77")[0] == 2
     assert hm2("emulate", "7i92", "--fault", "loss=200%")[0] == 2
     assert hm2("emulate", "7i92", "--listen", "127.0.0.1:x")[0] == 2
+
+
+def test_emulate_leaves_no_signal_blocked(taken_port: int, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["emulate", "7i92+7i77", "--listen", f"127.0.0.1:{taken_port}"])
+    assert not signal.pthread_sigmask(signal.SIG_BLOCK, set()) & {signal.SIGINT, signal.SIGTERM}
+
+
+@pytest.fixture
+def taken_port() -> Iterator[int]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        yield taken.getsockname()[1]

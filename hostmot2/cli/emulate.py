@@ -76,10 +76,12 @@ def emulate(
     words = dump.load(spec).idrom_words() if spec.endswith(".hm2dump") else None
     facts = replace(_described(words) if words else description(spec), **changes)
     # before any thread exists: the threads inherit it, so that only sigwait below sees these
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    board = EmulatedBoard(words or spec, clock="real", firmware=firmware)
-    server = EthernetServer(board, *listen, description=facts, spin_us=spin_us, fifo_priority=priority)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     with contextlib.ExitStack() as stack:
+        # else whatever this process starts later would be deaf to them
+        stack.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
+        board = EmulatedBoard(words or spec, clock="real", firmware=firmware)
+        server = EthernetServer(board, *listen, description=facts, spin_us=spin_us, fifo_priority=priority)
         stack.callback(board.close)
         stack.callback(server.close)
         server.set_fault(fault)

@@ -32,9 +32,12 @@ def served(shared: Path) -> Iterator[Path]:
     with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == f"ready {shared}\n".encode()
-        yield shared
-        process.send_signal(signal.SIGTERM)
-        assert process.wait(10) == 0
+        try:
+            yield shared
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(10) == 0
+        finally:
+            process.kill()
 
 
 def until(condition: Callable[[], bool], seconds: float = 10.0) -> bool:
