@@ -225,8 +225,9 @@ class Engine:
             )
             for port in self._ports:
                 port.take()
-            cycle.arm_watchdog()
             self._has_watchdog = has_watchdog
+            if has_watchdog:
+                self.board.watchdog.relax()  # locking memory may take longer than its timeout
             if not self.handle:
                 self._build(cycle.handle)
                 self.board.on_close(self.stop, SafeOff.SESSION)
@@ -235,6 +236,7 @@ class Engine:
             _running.add(self)
             try:
                 self._launch()
+                cycle.arm_watchdog()
             except BaseException:
                 self.stop()
                 raise

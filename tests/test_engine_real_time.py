@@ -1,0 +1,184 @@
+"""The engine's thread on an emulated card in real time: ways out of the process, anything in any order."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+
+import hostmot2
+from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.emulator.ethernet import EthernetServer
+from hostmot2.engine import Off, RealTimeWarning
+from hostmot2.errors import HostMot2Error
+
+ROOT = Path(__file__).parent.parent
+PROGRAM = """
+import os, signal, sys, time
+import hostmot2
+from hostmot2.emulator.board import EmulatedBoard
+emulated = EmulatedBoard("5i25+7i77")
+board = hostmot2.open(emulated)
+card = board.card("7i77")
+card.start()
+engine = board.engine(rate=1000, dead_man=0).start()
+card.analog_enable = True
+engine.write()
+while not emulated.sserial[0].remote(1).get("analogena"):
+    time.sleep(0.005)
+def show():
+    time.sleep(0.01)
+    emulated.sync()
+    print("running", engine.running, "enabled", emulated.sserial[0].remote(1).get("analogena"), flush=True)
+"""
+
+
+def program(ending: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM + ending],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr, done.stderr
+    return done.stdout
+
+
+def test_sigterm_turns_outputs_off() -> None:
+    ending = "try:\n    os.kill(os.getpid(), signal.SIGTERM); time.sleep(5)\nfinally:\n    show()\n"
+    assert program(ending) == "running False enabled False\n"
+
+
+def test_a_forked_child_leaves_the_parents_engine_alone() -> None:
+    ending = (
+        "pid = os.fork()\n"
+        "if not pid:\n    board.close(); os._exit(0)\n"
+        "os.waitpid(pid, 0)\nshow()\nboard.close()\nshow()\n"
+    )
+    assert program(ending) == "running True enabled True\nrunning False enabled False\n"
+
+
+def test_the_end_of_the_script_turns_outputs_off() -> None:
+    # atexit runs backwards: what is registered before the package is looked at last
+    before = "import atexit\natexit.register(lambda: show())\n"
+    done = subprocess.run(
+        [sys.executable, "-c", before + PROGRAM],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.stdout == "running False enabled False\n", done.stderr
+
+
+def test_a_pipelined_cycle_is_one_datagram_each_way() -> None:
+    emulated = EmulatedBoard("7i92+7i77")
+    with EthernetServer(emulated, "127.0.0.1", 0) as server:
+        server.start()
+        with hostmot2.open(server.url) as board:
+            board.card("7i77").start()
+            with board.engine(rate=200, style="pipelined", dead_man=0, reply_timeout=0.02) as engine:
+                next(engine.frames())
+                before, cycles = server.counters, engine.status.cycles
+                while engine.status.cycles < cycles + 20:
+                    os.sched_yield()
+                # counters were taken at some point between two cycles
+                engine.disable()
+                after, end = server.counters, engine.status.cycles
+            assert abs(after.requests - before.requests - (end - cycles)) <= 1
+            assert abs(after.replies - before.replies - (end - cycles)) <= 1
+
+
+class Anything(RuleBasedStateMachine):
+    """Start, stop, faults and closing in any order: nothing hangs or crashes, and stopped means off."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.emulated = EmulatedBoard("5i25+7i77")
+        self.board = hostmot2.open(self.emulated)
+        self.card = self.board.card("7i77")
+        self.engine: Any = None
+
+    def remote(self) -> Any:
+        return self.emulated.sserial[0].remote(1)
+
+    @precondition(lambda self: self.engine is None)
+    @rule(rate=st.sampled_from([200, 1000, 4000]), style=st.sampled_from(["pipelined", "read-modify-write"]))
+    def start(self, rate: float, style: Any) -> None:
+        with contextlib.suppress(HostMot2Error):
+            if self.board.watchdog.has_bitten:
+                self.board.watchdog.acknowledge()
+            self.card.start()
+            self.engine = self.board.engine(rate, style=style, dead_man=0.02).start()
+
+    @precondition(lambda self: self.engine is not None)
+    @rule()
+    def write(self) -> None:
+        self.engine.outputs["analogena"] = 1
+        self.engine.write()
+        self.engine.enable()
+
+    @precondition(lambda self: self.engine is not None)
+    @rule()
+    def look(self) -> None:
+        self.engine.read()
+        self.engine.events()
+        self.engine.trace()
+
+    @rule(count=st.integers(1, 30))
+    def lose_replies(self, count: int) -> None:
+        self.remote().inject(bad_crc=count)
+
+    @rule(fault=st.sampled_from([0, 0x08]))
+    def fault(self, fault: int) -> None:
+        self.remote().fault = fault
+
+    @precondition(lambda self: self.engine is not None)
+    @rule()
+    def stop(self) -> None:
+        self.engine.stop()
+        assert self.engine.off == Off.STOP
+        self.engine = None
+
+    @rule()
+    def close(self) -> None:
+        self.board.close()
+        assert self.engine is None or not self.engine.running
+        self.engine = None
+        self.remote().inject(bad_crc=0)  # the remotes are found anew
+        self.remote().fault = 0
+        self.board = hostmot2.open(self.emulated)
+        self.card = self.board.card("7i77")
+
+    @invariant()
+    def only_a_running_engine_has_the_cycle(self) -> None:
+        assert (self.board.cycle.engine is not None) == (self.engine is not None)
+
+    def teardown(self) -> None:
+        self.board.close()
+
+
+Anything.TestCase.settings = settings(
+    max_examples=12, stateful_step_count=15, deadline=None, suppress_health_check=list(HealthCheck)
+)
+test_anything_in_any_order = Anything.TestCase
+
+
+def test_refused_real_time_is_a_warning() -> None:
+    with hostmot2.open(EmulatedBoard("5i25+7i77")) as board:
+        board.card("7i77").start()
+        engine = board.engine(cpu=1000)
+        with pytest.warns(RealTimeWarning, match="processor 1000"):
+            engine.start()
+        assert next(engine.frames()).cycle >= 0
