@@ -19,6 +19,7 @@ SAYS = {
     "torque_8i20.py": "turns/s",
     "card_plugin.py": "0x0020",
     "closed_loop.py": "settled at 2.00",
+    "record_and_read.py": "drawn in run.png",
 }
 
 

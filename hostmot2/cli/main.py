@@ -37,6 +37,7 @@ COMMANDS: dict[str, str] = {
     "param": "hostmot2.cli.param:param",
     "uflbp": "hostmot2.cli.uflbp:uflbp",
     "emulate-remote": "hostmot2.cli.emulate_remote:emulate_remote",
+    "record": "hostmot2.cli.recording:record",
     "play": "hostmot2.cli.recording:play",
     "plot": "hostmot2.cli.recording:plot",
     "export": "hostmot2.cli.recording:export",

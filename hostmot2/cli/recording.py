@@ -50,9 +50,11 @@ def record(
         _start_remotes(board)
         engine = board.engine(rate, real_time=real_time)
         recorder = recording.record(engine, output, json_rate=json_rate)
-        with recorder, engine, _until(seconds) as over:
+        with recorder, engine, _until(board, seconds) as over:
             while not over() and recorder.failure is None:
                 _pass(board, engine, 0.05)
+                for event in engine.events():
+                    recorder.log(str(event), "warning", "engine", event.time_ns)
         counters = recorder.counters
     document = {"file": str(output), "cycles": counters.records, "dropped": counters.dropped, "rate": rate}
     dropped = f", {counters.dropped} dropped" if counters.dropped else ""
@@ -79,15 +81,15 @@ def _start_remotes(board: Board) -> None:
 
 
 @contextlib.contextmanager
-def _until(seconds: float | None) -> Iterator[Callable[[], bool]]:
+def _until(board: Board, seconds: float | None) -> Iterator[Callable[[], bool]]:
     """Whether the time is over or a signal to end has come."""
     ended: list[int] = []
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in handlers:
         signal.signal(number, lambda received, _frame: ended.append(received))
-    begin = time.monotonic()
+    end = None if seconds is None else board.now_ns() + round(seconds * 1e9)
     try:
-        yield lambda: bool(ended) or (seconds is not None and time.monotonic() - begin >= seconds)
+        yield lambda: bool(ended) or (end is not None and board.now_ns() >= end)
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)

@@ -13,7 +13,7 @@ logger = logging.getLogger(__name__)
 
 
 class BusAround:
-    """Passes everything on to `under`. Subclasses change `begin`, `finish` and `now_ns`.
+    """Passes everything on to `under`. Subclasses change what they need.
 
     Written for tests, slow loops and replays: each exchange costs some tens of microseconds in Python.
     """
@@ -29,7 +29,7 @@ class BusAround:
             "begin": ("int(void *, const hm2_transfer *, size_t, hm2_error *)", self._begin),
             "finish": ("int(void *, int64_t, hm2_error *)", self._finish),
             "now_ns": ("int64_t(void *)", lambda _self: self.now_ns()),
-            "pause_ns": ("void(void *, int64_t)", lambda _self, ns: self._bus.pause_ns(self._bus.self, ns)),
+            "pause_ns": ("void(void *, int64_t)", lambda _self, ns: self.pause_ns(ns)),
             "close": ("void(void *)", lambda _self: self._bus.close(self._bus.self)),
         }
         bus: Any = ffi.new("hm2_bus *")
@@ -57,6 +57,10 @@ class BusAround:
     def now_ns(self) -> int:
         """The clock that deadlines are measured on."""
         return int(self._bus.now_ns(self._bus.self))
+
+    def pause_ns(self, ns: int) -> None:
+        """Let time pass."""
+        self._bus.pause_ns(self._bus.self, ns)
 
     def _begin(self, _self: Any, transfers: Any, count: int, error: Any) -> int:
         return self._guarded(lambda: self.begin(transfers, count, error))

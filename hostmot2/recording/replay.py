@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from hostmot2._core import ffi, lib
+from hostmot2.board import Board, SafeOff
 from hostmot2.record_ring import STAGES
 from hostmot2.recording.bus import BusAround, places
 from hostmot2.recording.recording import Recording
@@ -38,11 +39,11 @@ class Replay(BusAround):
     """A bus that plays the records of `recording`, one cycle each.
 
         replay = Replay(read("run.mcap"), "emu://5i25+7i77?clock=virtual")
-        with hostmot2.Board(replay.transport) as hm2:
+        with replay.open() as hm2:
             hm2.sserial.start(0x07); hm2.sserial.cyclic = 0x07     # as it was when recording began
             for index in range(len(replay)):
                 replay.play(index)
-                hm2.cycle.run()
+                hm2.cycle.run()         # of the engine's read-modify-write style: read(), then write()
             replay.stop()
 
     A failed exchange fails again with its status. `differences` are the writes that were not as recorded.
@@ -57,17 +58,24 @@ class Replay(BusAround):
         self.differences: list[Difference] = []
         self._words: dict[int, int] = {register: word for word, register in enumerate(recording.image)}
         self._index: int | None = None
+        self._paused_ns = 0
         self._written: dict[int, int] = {}
 
     def __len__(self) -> int:
         return len(self.recording.records)
+
+    def open(self) -> Board:
+        """A board on this bus; closing it stops the replay first."""
+        board = Board(self.transport)
+        board.on_close(self.stop, SafeOff.SESSION)
+        return board
 
     def play(self, index: int) -> None:
         """The coming exchanges are those of record `index`. Raises IndexError."""
         if not 0 <= index < len(self):
             raise IndexError(f"record {index} of {len(self)}")
         self._compare()
-        self._index = index
+        self._index, self._paused_ns = index, 0
 
     def stop(self) -> None:
         """Exchanges go to the card below again."""
@@ -97,11 +105,19 @@ class Replay(BusAround):
         return super().finish(deadline_ns, error) if self._index is None else int(lib.HM2_OK)
 
     def now_ns(self) -> int:
-        """When the record's answer was there."""
+        """When the record's answer was there, and what has been waited since."""
         if self._index is None:
             return super().now_ns()
         record = self.recording.records[self._index]
-        return int(record["start_ns"]) + int(record["stage_ns"][STAGES.index("reply")])
+        answered = int(record["start_ns"]) + int(record["stage_ns"][STAGES.index("reply")])
+        return answered + self._paused_ns
+
+    def pause_ns(self, ns: int) -> None:
+        """Takes no time while replaying, but who waits for something must see time pass."""
+        if self._index is None:
+            super().pause_ns(ns)
+        else:
+            self._paused_ns += max(ns, 0)
 
     def _from_below(self, address: int, words: Any, index: int, error: Any) -> int:
         """A register that was not in the recorded cycles."""

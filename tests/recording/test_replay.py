@@ -96,7 +96,7 @@ def recorded(tmp_path_factory):
 def replay(recorded):
     with EmulatedBoard(CARD, clock="virtual") as card:
         made = Replay(read(recorded[0]), transport_of(card))
-        with Board(made.transport) as board:
+        with made.open() as board:
             yield made, started(board)
 
 
@@ -133,7 +133,7 @@ def test_a_program_that_does_otherwise_is_found_out(replay):
 def test_nothing_reaches_the_card_below_while_replaying(recorded):
     with EmulatedBoard(CARD, clock="virtual") as card:
         made = Replay(read(recorded[0]), transport_of(card))
-        with Board(made.transport) as board:
+        with made.open() as board:
             started(board)
             before = [card.sserial[0].remote(n).outputs for n in range(2)]
             for index in range(10):
@@ -141,7 +141,6 @@ def test_nothing_reaches_the_card_below_while_replaying(recorded):
                 one_cycle(board, index)
             card.advance(1000.0)
             assert [card.sserial[0].remote(n).outputs for n in range(2)] == before
-            made.stop()
 
 
 def test_the_emulated_remotes_can_be_driven_with_the_recorded_inputs(recorded):
@@ -204,3 +203,13 @@ def test_hm2_play_moves_the_inputs_of_a_served_card(recorded, tmp_path):
                 assert float(ask(tmp_path / "control", "get", "input")) == seen[-1]["inputs"]["input"]
         finally:
             server.close()
+
+
+def test_who_waits_during_a_replay_sees_time_pass(replay):
+    made, board = replay
+    made.play(3)
+    before = board.now_ns()
+    board.pause(0.001)
+    assert board.now_ns() - before == 1_000_000
+    made.play(3)
+    assert board.now_ns() == before

@@ -1,0 +1,136 @@
+"""What the cycle engine records: values, raw registers, and the same again in a replay."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hostmot2 import Board
+from hostmot2.cli import main
+from hostmot2.emulator import EmulatedBoard
+from hostmot2.recording import Replay, read, record
+from hostmot2.transports.emulated import transport_of
+
+ROOT = Path(__file__).parents[2]
+CARD = "5i25+7i77"
+CYCLES = 60
+
+
+def started(board):
+    board.sserial.start(0x03).raise_for_failed()
+    assert len(board.encoders) == 6
+    return board
+
+
+@pytest.fixture(scope="module", params=["pipelined", "read-modify-write"])
+def recorded(request, tmp_path_factory):
+    """File, style and what the program saw in each cycle."""
+    path = tmp_path_factory.mktemp("engine") / "run.mcap"
+    with EmulatedBoard(CARD, clock="virtual") as card, Board(transport_of(card)) as board:
+        card.encoder_input(0).run(edge_period_ns=50_000.0, counts=100_000)
+        field, seen = card.sserial[0].remote(0), []
+        engine = started(board).engine(1000, style=request.param)
+        with record(engine, path), engine:
+            for cycle in range(CYCLES):
+                field.inputs, field.alive = bytes([cycle, 2, 3, 255 - cycle]), not 30 <= cycle < 33
+                engine.outputs["analogout0"] = cycle / 10
+                engine.write()
+                frame = engine.step()
+                seen.append({name: frame[name] for name in engine.input_names})
+    return path, request.param, seen
+
+
+def test_every_input_of_every_cycle_is_in_the_file(recorded):
+    path, _, seen = recorded
+    run = read(path)
+    for name in seen[0]:
+        assert run[name][:CYCLES].tolist() == [each[name] for each in seen]
+    assert len(set(run["sserial0.0.Input"].tolist())) > 40
+    assert (run.dropped, run.gaps, run.missing) == (0, (), ())
+
+
+def test_raw_words_decode_to_what_the_engine_made_of_them(recorded):
+    run = read(recorded[0])
+    decoded = [name for name in run.elements if name in {each.name for each in run.inputs}]
+    assert "sserial0.0.Input" in decoded
+    for name in decoded:
+        assert np.array_equal(run.elements[name].astype(float), run[name])
+
+
+def test_the_driver_repeats_what_the_engine_did(recorded):
+    path, style, seen = recorded
+    run = read(path)
+    replay = Replay(run, f"emu://{CARD}?clock=virtual")
+    with replay.open() as board:
+        started(board).sserial.cyclic = 0x03
+        board.cycle.arm_watchdog()
+        outputs = board.sserial.channels[1].outputs
+        commands = {name: run.elements[f"sserial0.1.{name}"] for name in outputs}
+        for index in range(CYCLES):
+            replay.play(index)
+            if style == "read-modify-write":
+                board.cycle.read()
+            for name, column in commands.items():
+                outputs[name] = column[index]
+            board.cycle.write() if style == "read-modify-write" else board.cycle.run()
+            assert float(board.sserial.channels[0].inputs["Input"]) == seen[index]["sserial0.0.Input"]
+        assert [f.channel for f in board.sserial.faults] == [0] * len(board.sserial.faults) != []
+        replay.stop()
+    assert replay.differences == []
+
+
+def test_hm2_record_writes_every_cycle_and_switches_nothing_on(tmp_path, capfd):
+    path = tmp_path / "run.mcap"
+    command = ["--board", f"emu://{CARD}?clock=virtual", "--json", "record", "-o", str(path)]
+    with pytest.raises(SystemExit) as end:
+        main([*command, "--rate", "500", "--seconds", "0.2"])
+    assert not end.value.code
+    document = json.loads(capfd.readouterr().out)
+    run = read(path)
+    assert document["cycles"] == len(run.records) >= 100
+    assert (document["dropped"], run.dropped) == (0, 0)
+    assert not run.records["outputs"].any()
+    assert not run.elements["sserial0.1.AnalogEna"].any()
+    assert run.metadata["hm2.engine"]["rate"] == "500.0"
+    assert run.metadata["hm2.host"]["kernel"]
+
+
+@pytest.mark.parametrize("end", [signal.SIGTERM, signal.SIGKILL])
+def test_hm2_record_leaves_a_file_that_reads_however_it_ends(tmp_path, end):
+    path = tmp_path / "run.mcap"
+    command = [sys.executable, "-m", "hostmot2", "--board", f"emu://{CARD}", "record", "-o", str(path)]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    child = subprocess.Popen([*command, "--rate", "200"], env=environment, cwd=ROOT)
+    try:
+        for _ in range(600):  # until a second has been flushed
+            if path.exists() and path.stat().st_size > 20_000 and len(read(path).records) > 0:
+                break
+            time.sleep(0.05)
+        child.send_signal(end)
+        status = child.wait(60)
+    finally:
+        child.kill()
+    assert status == (0 if end == signal.SIGTERM else -signal.SIGKILL)
+    run = read(path)
+    assert len(run.records) > 0
+    assert bool(run.missing) == (end == signal.SIGKILL)
+    assert run.gaps == ()
+
+
+def test_the_python_of_the_how_to_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs/how-to/record.md").read_text()
+    blocks = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 3
+    names = {}
+    for block in blocks:
+        exec(compile(block.replace("seconds=2", "seconds=0.2"), "record.md", "exec"), names)
+    assert len(names["replay"]) > 50
+    assert names["run"].attachments
