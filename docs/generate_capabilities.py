@@ -285,6 +285,18 @@ BOARD = [
         part="engine",
     ),
     Row(
+        "Every cycle in an MCAP file (values, raw registers, times), read whole or cut off, exported, drawn",
+        ("hostmot2.recording:Recorder", "hostmot2.recording:Recording", "csrc/record_ring.c"),
+        (),
+        ("tests/recording/test_round_trip.py", "tests/recording/test_cut_off.py"),
+    ),
+    Row(
+        "A recording in the card's place: the driver sees and must do what it did then",
+        ("hostmot2.recording:Replay",),
+        (),
+        ("tests/recording/test_replay.py", "tests/recording/test_engine.py"),
+    ),
+    Row(
         "Link errors counted, a level at which the link is given up, recovery that writes everything anew",
         ("hostmot2.board:Board", "csrc/udp_retry.c"),
         ("csrc/emulator/ethernet_fault.c",),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from typing import Any
 
+from hostmot2.engine import Engine
 from hostmot2.recording.attachments import attachments_of, host_metadata
 from hostmot2.recording.format import Signal
 from hostmot2.recording.recorder import Recorder
@@ -14,14 +14,14 @@ WORDS = 128
 
 
 def record(
-    engine: Any,
+    engine: Engine,
     path: str | os.PathLike[str],
     *,
     slots: int = SLOTS,
     words: int = WORDS,
     json_rate: float | None = None,
 ) -> Recorder:
-    """A recorder of everything an engine (hostmot2.engine) does. Before the engine's start().
+    """A recorder of everything an engine does. Before the engine's start().
 
         with record(engine, "run.mcap"), engine:
             ...

@@ -15,6 +15,7 @@ import pytest
 from hostmot2 import Board
 from hostmot2.cli import main
 from hostmot2.emulator import EmulatedBoard
+from hostmot2.emulator.catalog import remote
 from hostmot2.recording import Replay, read, record
 from hostmot2.transports.emulated import transport_of
 
@@ -134,3 +135,30 @@ def test_the_python_of_the_how_to_runs(tmp_path, monkeypatch):
         exec(compile(block.replace("seconds=2", "seconds=0.2"), "record.md", "exec"), names)
     assert len(names["replay"]) > 50
     assert names["run"].attachments
+
+
+@pytest.mark.slow
+def test_at_4_khz_with_eight_channels_a_disk_stalled_for_a_second_costs_no_record(tmp_path, monkeypatch):
+    seconds = float(os.environ.get("HM2_RECORD_SECONDS", "10"))
+    with EmulatedBoard(CARD, clock="real", sserial_channels=8) as card, Board(transport_of(card)) as board:
+        for channel in range(2, 8):
+            card.sserial[0].attach(channel, remote("7i77-io"))
+        board.sserial.start(0xFF).raise_for_failed()
+        engine = board.engine(4000, dead_man=0)
+        recorder = record(engine, tmp_path / "run.mcap", json_rate=100)
+        flush, flushes = recorder._file.flush, []
+
+        def stalling():
+            flushes.append(None)
+            if len(flushes) == 4:
+                time.sleep(1.0)
+            flush()
+
+        monkeypatch.setattr(recorder._file, "flush", stalling)
+        with recorder, engine:
+            time.sleep(seconds)
+    run = read(tmp_path / "run.mcap")
+    assert len(flushes) > 4
+    assert (run.dropped, run.gaps) == (0, ())
+    assert len({name.split(".")[1] for name in run.elements}) == 8
+    print(f"{len(run.records)} records in {run.seconds[-1]:.1f} s")
