@@ -161,7 +161,11 @@ def repeat_alone(first: Failed, command: list[str], env: dict[str, str]) -> str:
 @step
 def tests_slow() -> str:
     """The tests marked slow."""
-    return last_line(run(PYTHON, "-m", "pytest", "-q", "-m", "slow", "-n", "2", codes=(0, 5)))
+    command = [PYTHON, "-m", "pytest", "-q", "-m", "slow"]
+    try:
+        return last_line(run(*command, "-n", "2", codes=(0, 5)))
+    except Failed as first:
+        return repeat_alone(first, command, {})
 
 
 @step
