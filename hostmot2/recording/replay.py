@@ -7,6 +7,7 @@ with the recorded ones.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ from hostmot2.board import Board, SafeOff
 from hostmot2.record_ring import STAGES
 from hostmot2.recording.bus import BusAround, places
 from hostmot2.recording.recording import Recording
+from hostmot2.registers import Gtag, Watchdog
 from hostmot2.transports import open_transport
 from hostmot2.transports.base import Transport
 
@@ -60,6 +62,9 @@ class Replay(BusAround):
         self._index: int | None = None
         self._paused_ns = 0
         self._written: dict[int, int] = {}
+        self._arm: Callable[[], None] | None = None
+        self._armed_at = 0
+        self._status: int | None = None
 
     def __len__(self) -> int:
         return len(self.recording.records)
@@ -68,13 +73,36 @@ class Replay(BusAround):
         """A board on this bus; closing it stops the replay first."""
         board = Board(self.transport)
         board.on_close(self.stop, SafeOff.SESSION)
+        self._follow_watchdog(board)
         return board
+
+    def _follow_watchdog(self, board: Board) -> None:
+        """The watchdog is armed in the record in which it was fed first.
+
+        An engine arms it when some cycles have run already. The status read until then is that of a watchdog
+        not yet armed: no bite.
+        """
+        found = [module for module in board.modules if module.gtag == Gtag.WATCHDOG]
+        if not found:
+            return
+        status, feed = (found[0].register_address(r.number) for r in (Watchdog.status, Watchdog.reset))
+        fed = np.flatnonzero(self.recording.fresh(feed, written=True))
+        if status | 1 in self._words:  # arming itself was recorded: the driver does it in its time
+            return
+        board.cycle.automatic_watchdog = False
+        if fed.size:
+            self._armed_at, self._status = int(fed[0]), status
+            self._arm = board.watchdog.arm
 
     def play(self, index: int) -> None:
         """The coming exchanges are those of record `index`. Raises IndexError."""
         if not 0 <= index < len(self):
             raise IndexError(f"record {index} of {len(self)}")
         self._compare()
+        self._index = None
+        if index >= self._armed_at and self._arm is not None:
+            self._arm()
+            self._arm = None
         self._index, self._paused_ns = index, 0
 
     def stop(self) -> None:
@@ -93,7 +121,8 @@ class Replay(BusAround):
             if write:
                 self._written[address] = words[index]
             elif address in self._words:
-                words[index] = int(record["words"][self._words[address]])
+                unarmed = address == self._status and self._index <= self._armed_at
+                words[index] = 0 if unarmed else int(record["words"][self._words[address]])
             else:
                 status = self._from_below(address, words, index, error)
                 if status:

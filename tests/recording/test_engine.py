@@ -16,6 +16,7 @@ from hostmot2 import Board
 from hostmot2.cli import main
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.catalog import remote
+from hostmot2.errors import WatchdogBite
 from hostmot2.recording import Replay, read, record
 from hostmot2.transports.emulated import transport_of
 
@@ -71,7 +72,6 @@ def test_the_driver_repeats_what_the_engine_did(recorded):
     replay = Replay(run, f"emu://{CARD}?clock=virtual")
     with replay.open() as board:
         started(board).sserial.cyclic = 0x03
-        board.cycle.arm_watchdog()
         outputs = board.sserial.channels[1].outputs
         commands = {name: run.elements[f"sserial0.1.{name}"] for name in outputs}
         for index in range(CYCLES):
@@ -85,6 +85,41 @@ def test_the_driver_repeats_what_the_engine_did(recorded):
         assert [f.channel for f in board.sserial.faults] == [0] * len(board.sserial.faults) != []
         replay.stop()
     assert replay.differences == []
+
+
+def test_a_watchdog_armed_after_some_cycles_has_not_bitten_in_the_replay(recorded):
+    path, style, _ = recorded
+    run = read(path)
+    run.records = run.records.copy()
+    status, fed = run.image.index(0x0D00), run.image.index(0x0E01)
+    run.records["words"][:4, status] = 1  # as it is before the watchdog was armed
+    run.records["fresh"][:3, fed // 32] &= ~np.uint32(1 << fed % 32)
+    replay = Replay(run, f"emu://{CARD}?clock=virtual")
+    with replay.open() as board:
+        started(board).sserial.cyclic = 0x03
+        for index in range(10):
+            replay.play(index)
+            assert board.watchdog.armed == (index >= 3)
+            if style == "read-modify-write":
+                board.cycle.read()
+            board.cycle.write() if style == "read-modify-write" else board.cycle.run()
+        replay.stop()
+    assert 0x0E00 not in {each.register for each in replay.differences}
+
+
+def test_a_bite_is_a_bite_in_the_replay_too(recorded):
+    run = read(recorded[0])
+    run.records = run.records.copy()
+    run.records["words"][7:, run.image.index(0x0D00)] = 1
+    replay = Replay(run, f"emu://{CARD}?clock=virtual")
+    with replay.open() as board:
+        started(board).sserial.cyclic = 0x03
+        for index in range(7):
+            replay.play(index)
+            board.cycle.run()
+        replay.play(7)
+        with pytest.raises(WatchdogBite):
+            board.cycle.run()
 
 
 def test_hm2_record_writes_every_cycle_and_switches_nothing_on(tmp_path, capfd):
