@@ -87,7 +87,8 @@ def test_outputs_are_off_after_a_signal_nobody_handles(card: Path, number: int, 
 
 
 def test_outputs_are_off_at_once_even_if_a_thread_keeps_the_process_alive(card: Path) -> None:
-    end = "threading.Thread(target=lambda: print(sys.stdin.readline())).start(); time.sleep(30)"
+    thread = "threading.Thread(target=lambda: print(sys.stdin.readline())).start()"
+    end = f"{thread}; print('waiting', flush=True); time.sleep(30)"  # the signal must find the thread there
     script = SCRIPT.format(board=f"hostmot2.open('pci://{card}')", end=end + "\n")
     with subprocess.Popen(
         [sys.executable, "-c", script], stdin=subprocess.PIPE, stdout=subprocess.PIPE
@@ -95,6 +96,7 @@ def test_outputs_are_off_at_once_even_if_a_thread_keeps_the_process_alive(card: 
         assert process.stdout is not None
         assert process.stdin is not None
         assert process.stdout.readline() == b"driving\n"
+        assert process.stdout.readline() == b"waiting\n"
         process.send_signal(signal.SIGTERM)
         for _ in range(2000):
             if ddr(card) == OFF:
