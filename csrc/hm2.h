@@ -1090,7 +1090,7 @@ int hm2_sserial_read_toc(struct hm2_sserial *port, uint32_t channel, uint32_t po
 int hm2_sserial_access(struct hm2_sserial *port, uint32_t channel, uint32_t command, uint32_t address,
                        uint64_t *value, hm2_error *error);
 
-/* ---- an Ethernet card (udp.c, udp_datagram.c, udp_exchange.c) ------------------------------ */
+/* ---- an Ethernet card (udp*.c) -------------------------------------------------------------- */
 
 /* Every datagram carries a sequence number: it reads the one of the datagram before it out of the card's
  * scratch words, and writes and reads back its own. So every write is acknowledged, no late, duplicated
@@ -1126,11 +1126,26 @@ typedef struct hm2_udp_counters {
 	int32_t failed;         /* the link was given up */
 } hm2_udp_counters;
 
+/* What carries datagrams to one card and back, and its clock: a UDP socket, or an emulated card with virtual time
+ * (which must be waited on with spin_ns 0). All members are required. */
+typedef struct hm2_carrier {
+	void *self;
+	int (*send)(void *self, const uint8_t *bytes, size_t length); /* 0, or a negative errno */
+	int (*receive)(void *self, uint8_t *bytes, size_t capacity);  /* length; -EAGAIN: none there; other negative errno */
+	void (*wait)(void *self, int64_t ns);                         /* until one may be there, so long at most */
+	int64_t (*now_ns)(void *self);
+	void (*pause_ns)(void *self, int64_t ns);
+	void (*close)(void *self);
+} hm2_carrier;
+
 void hm2_udp_defaults(hm2_udp_config *config);
 /* host: dotted IPv4 address. config NULL: defaults. Sends nothing. On success the bus owns *udp, which is
  * good until the bus's close. */
 int hm2_udp_bus(const char *host, uint16_t port, const hm2_udp_config *config, hm2_bus *bus,
                 struct hm2_udp **udp, hm2_error *error);
+/* The same on any carrier, which the bus then owns. */
+int hm2_udp_carrier_bus(const hm2_carrier *carrier, const hm2_udp_config *config, hm2_bus *bus,
+                        struct hm2_udp **udp, hm2_error *error);
 void hm2_udp_get_counters(const struct hm2_udp *udp, hm2_udp_counters *counters);
 /* Error level 0 again, and the card's last sequence number unknown (after a restart of its engine). */
 void hm2_udp_clear(struct hm2_udp *udp);

@@ -3,14 +3,9 @@
 #include "error.h"
 #include "udp.h"
 
-#include <arpa/inet.h>
-#include <errno.h>
-#include <netinet/in.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/random.h>
-#include <sys/socket.h>
-#include <unistd.h>
 
 void hm2_udp_defaults(hm2_udp_config *config)
 {
@@ -89,14 +84,16 @@ static int udp_finish(void *self, int64_t deadline_ns, hm2_error *error)
 
 static int64_t udp_now_ns(void *self)
 {
-	(void)self;
-	return hm2_clock_now_ns();
+	struct hm2_udp *udp = self;
+
+	return udp->carrier.now_ns(udp->carrier.self);
 }
 
 static void udp_pause_ns(void *self, int64_t ns)
 {
-	(void)self;
-	hm2_clock_pause_ns(ns);
+	struct hm2_udp *udp = self;
+
+	udp->carrier.pause_ns(udp->carrier.self, ns);
 }
 
 static void udp_close(void *self)
@@ -105,24 +102,8 @@ static void udp_close(void *self)
 
 	if (!udp)
 		return;
-	close(udp->socket);
+	udp->carrier.close(udp->carrier.self);
 	free(udp);
-}
-
-static int open_socket(struct hm2_udp *udp, const char *host, uint16_t port, hm2_error *error)
-{
-	struct sockaddr_in address = {.sin_family = AF_INET, .sin_port = htons(port)};
-	int status;
-
-	if (inet_pton(AF_INET, host, &address.sin_addr) != 1)
-		return hm2_error_set(error, HM2_ERR_RANGE, "udp address");
-	udp->socket = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-	if (udp->socket >= 0 && connect(udp->socket, (struct sockaddr *)&address, sizeof address) == 0)
-		return HM2_OK;
-	status = hm2_error_set(error, HM2_ERR_IO, "udp connect");
-	if (error)
-		error->os_errno = errno;
-	return status;
 }
 
 /* Numbers start anywhere, so that what an earlier program left in the card is not taken for ours. */
@@ -138,11 +119,10 @@ static void draw_numbers(struct hm2_udp *udp)
 	udp->probe = numbers[1];
 }
 
-int hm2_udp_bus(const char *host, uint16_t port, const hm2_udp_config *config, hm2_bus *bus,
-                struct hm2_udp **udp, hm2_error *error)
+int hm2_udp_carrier_bus(const hm2_carrier *carrier, const hm2_udp_config *config, hm2_bus *bus,
+                        struct hm2_udp **udp, hm2_error *error)
 {
 	struct hm2_udp *self = calloc(1, sizeof *self);
-	int status;
 
 	if (!self)
 		return hm2_error_set(error, HM2_ERR_NO_MEMORY, "udp");
@@ -150,14 +130,8 @@ int hm2_udp_bus(const char *host, uint16_t port, const hm2_udp_config *config, h
 		self->config = *config;
 	else
 		hm2_udp_defaults(&self->config);
+	self->carrier = *carrier;
 	draw_numbers(self);
-	status = open_socket(self, host, port, error);
-	if (status != HM2_OK) {
-		if (self->socket > 0)
-			close(self->socket);
-		free(self);
-		return status;
-	}
 	*bus = (hm2_bus){self, udp_begin, udp_finish, udp_now_ns, udp_pause_ns, udp_close};
 	*udp = self;
 	return HM2_OK;

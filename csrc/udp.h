@@ -44,7 +44,7 @@ struct udp_compiled {
 };
 
 struct hm2_udp {
-	int socket;
+	hm2_carrier carrier;
 	hm2_udp_config config;
 	hm2_udp_counters counters;
 	uint32_t sequence;   /* last one sent */

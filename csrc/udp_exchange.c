@@ -1,11 +1,8 @@
 /* Sending and waiting. */
-#include "clock.h"
 #include "error.h"
 #include "udp.h"
 
 #include <errno.h>
-#include <poll.h>
-#include <sys/socket.h>
 
 static int io_error(hm2_error *error, const char *where, int code)
 {
@@ -18,16 +15,12 @@ static int io_error(hm2_error *error, const char *where, int code)
 
 int udp_send_bytes(struct hm2_udp *udp, const uint8_t *bytes, size_t length, hm2_error *error)
 {
-	/* the first refusal may be the echo of an earlier datagram (ICMP), the second is about this one */
-	for (int attempt = 0; attempt < 2; attempt++) {
-		if (send(udp->socket, bytes, length, MSG_NOSIGNAL) >= 0) {
-			udp->counters.requests++;
-			return HM2_OK;
-		}
-		if (errno != ECONNREFUSED && errno != EINTR)
-			break;
-	}
-	return io_error(error, "udp send", errno);
+	const int code = udp->carrier.send(udp->carrier.self, bytes, length);
+
+	if (code)
+		return io_error(error, "udp send", -code);
+	udp->counters.requests++;
+	return HM2_OK;
 }
 
 int udp_send_datagram(struct hm2_udp *udp, struct udp_datagram *datagram, hm2_error *error)
@@ -83,19 +76,10 @@ static int timed_out(const struct hm2_udp *udp, hm2_error *error)
 	return status;
 }
 
-static void sleep_until(const struct hm2_udp *udp, int64_t now_ns, int64_t until_ns)
-{
-	struct pollfd file = {.fd = udp->socket, .events = POLLIN};
-	const int64_t left = until_ns - now_ns;
-	const struct timespec time = {.tv_sec = left / 1000000000, .tv_nsec = left % 1000000000};
-
-	ppoll(&file, 1, &time, NULL);
-}
-
 /* One datagram, if there is one: 1. 0: none. Negative: the system says the card is not there. */
 static int receive_one(struct hm2_udp *udp, hm2_error *error)
 {
-	const ssize_t length = recv(udp->socket, udp->reply, sizeof udp->reply, MSG_DONTWAIT);
+	const int length = udp->carrier.receive(udp->carrier.self, udp->reply, sizeof udp->reply);
 
 	if (length >= 0) {
 		if (udp_receive(udp, udp->reply, (size_t)length)) {
@@ -105,14 +89,13 @@ static int receive_one(struct hm2_udp *udp, hm2_error *error)
 		}
 		return 1;
 	}
-	if (errno == EAGAIN || errno == EINTR)
-		return 0;
-	return io_error(error, "udp receive", errno);
+	return length == -EAGAIN ? 0 : io_error(error, "udp receive", -length);
 }
 
 int udp_await(struct hm2_udp *udp, int64_t deadline_ns, hm2_error *error)
 {
-	const int64_t start = hm2_clock_now_ns();
+	const hm2_carrier *carrier = &udp->carrier;
+	const int64_t start = carrier->now_ns(carrier->self);
 	const int64_t retry_ns = udp->config.retry_ns > 0 ? udp->config.retry_ns : INT64_MAX - start;
 	int64_t retry_at = start + retry_ns;
 
@@ -124,7 +107,7 @@ int udp_await(struct hm2_udp *udp, int64_t deadline_ns, hm2_error *error)
 			return got;
 		if (!udp->unanswered)
 			break;
-		now = hm2_clock_now_ns();
+		now = carrier->now_ns(carrier->self);
 		if (now >= deadline_ns)
 			return timed_out(udp, error);
 		if (now >= retry_at) {
@@ -135,7 +118,7 @@ int udp_await(struct hm2_udp *udp, int64_t deadline_ns, hm2_error *error)
 			retry_at = now + retry_ns;
 		}
 		if (!got && now - start >= udp->config.spin_ns)
-			sleep_until(udp, now, deadline_ns < retry_at ? deadline_ns : retry_at);
+			carrier->wait(carrier->self, (deadline_ns < retry_at ? deadline_ns : retry_at) - now);
 	}
 	return HM2_OK;
 }

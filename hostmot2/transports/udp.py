@@ -102,8 +102,8 @@ class UdpLink:
         size = lbp16.reply_size(commands)
         reply = ffi.new("uint8_t[]", max(1, size))
         wait = self.timeout if timeout is None else timeout
+        handle = self.handle  # closed: the bus's clock is gone with it
         deadline = self.bus.now_ns(self.bus.self) + round(wait * 1e9)
-        handle = self.handle
         self._check(lib.hm2_udp_lbp16(handle, commands, len(commands), reply, size, deadline, self._error))
         return bytes(ffi.buffer(reply, size))
 
