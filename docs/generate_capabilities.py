@@ -79,7 +79,7 @@ MODULES = [
         "Encoders, plain and multiplexed: 64-bit count, position, velocity, index and probe latch, "
         "filters, errors",
         "encoders",
-        "modules.encoder:Encoders modules.encoder:Encoder",
+        "modules.encoder_module:Encoders modules.encoder:Encoder",
         "encoder muxed_encoder encoder_bank counter",
         "modules/test_encoder modules/test_encoder_math emulator/test_encoder_reference "
         "emulator/test_encoder_limits",
@@ -266,7 +266,7 @@ BOARD = [
     ),
     Row(
         "Everything the card says of itself read and checked, one exception per check",
-        ("hostmot2.idrom:read_inventory",),
+        ("hostmot2.inventory:read_inventory",),
         ("csrc/emulator/card_identity.c",),
         ("tests/test_idrom.py",),
     ),

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from hostmot2.idrom import Inventory, ModuleDescriptor
+from hostmot2.idrom import ModuleDescriptor
+from hostmot2.inventory import Inventory
 from hostmot2.register_map import Register
 from hostmot2.registers import MODULES, Gtag, Id, Idrom
 

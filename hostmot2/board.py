@@ -14,7 +14,8 @@ from typing import Any, Self
 from hostmot2 import errors, exits
 from hostmot2._core import ffi, lib
 from hostmot2.boards import BoardFacts
-from hostmot2.idrom import Idrom, Inventory, ModuleDescriptor, PinDescriptor, read_inventory
+from hostmot2.idrom import Idrom, ModuleDescriptor, PinDescriptor
+from hostmot2.inventory import Inventory, read_inventory
 from hostmot2.parts import PARTS
 from hostmot2.registers import Gtag
 from hostmot2.transports.base import Transport

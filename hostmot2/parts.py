@@ -16,7 +16,7 @@ PARTS: dict[str, tuple[str, str]] = {
     "watchdog": ("hostmot2.modules.watchdog", "Watchdog"),
     "leds": ("hostmot2.modules.led", "Leds"),
     "sserial": ("hostmot2.sserial", "SserialPorts"),
-    "encoders": ("hostmot2.modules.encoder", "Encoders"),
+    "encoders": ("hostmot2.modules.encoder_module", "Encoders"),
     "stepgens": ("hostmot2.modules.stepgen", "Stepgens"),
     "pwmgens": ("hostmot2.modules.pwmgen", "Pwmgens"),
     "dpll": ("hostmot2.modules.dpll", "Dpll"),

@@ -10,7 +10,7 @@ import hostmot2
 from hostmot2 import dump, errors
 from hostmot2.address_map import describe, registers_of
 from hostmot2.emulator import EmulatedBoard
-from hostmot2.idrom import read_inventory
+from hostmot2.inventory import read_inventory
 
 GOLDEN = Path(__file__).parent / "golden" / "card"
 

@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hostmot2 import boards, errors
-from hostmot2.idrom import HostMot2Warning, Inventory, ModuleDescriptor, read_inventory
+from hostmot2.idrom import HostMot2Warning, ModuleDescriptor
+from hostmot2.inventory import Inventory, read_inventory
 
 GOLDEN = Path(__file__).parent / "golden" / "card"
 ID = {0x100: 0x55AACAFE, 0x104: 0x54534F48, 0x108: 0x32544F4D, 0x10C: 0x400}

@@ -8,7 +8,7 @@ import click
 
 from hostmot2.address_map import RegisterAt, registers_of
 from hostmot2.cli.session import ADDRESS, WORD, Session, reports, rows
-from hostmot2.idrom import Inventory
+from hostmot2.inventory import Inventory
 
 
 @click.command()

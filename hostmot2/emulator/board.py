@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
-from typing import Any, Literal, NamedTuple, Protocol, TypeVar
+from typing import Any, Literal, TypeVar
 
 from hostmot2._core import ffi, lib
 from hostmot2.emulator import catalog
 from hostmot2.emulator.cards import IDROM_WORDS, CardDescription, card
+from hostmot2.emulator.encoder import EmulatedEncoder
+from hostmot2.emulator.pin import EmulatedPin
+from hostmot2.emulator.sserial_port import EmulatedSserialPort
 from hostmot2.emulator.stimulus import (
     EmulatedInmux,
     EmulatedPktuart,
@@ -25,177 +28,12 @@ Stimulus = TypeVar("Stimulus")
 UNDRIVEN: int = lib.HM2_EMULATOR_UNDRIVEN
 """What a read gives where nothing answers."""
 
-_LEVELS = {
-    lib.HM2_LEVEL_LOW: "0",
-    lib.HM2_LEVEL_HIGH: "1",
-    lib.HM2_LEVEL_FLOATING: "H",
-    lib.HM2_LEVEL_CONTENTION: "X",
-}
-
-
 DAUGHTER_REMOTES = {
     "7i77": ("7i77-io", "7i77-analog"),
     "7i77d": ("7i77d-io", "7i77d-analog"),
     "7i76": ("7i76",),
 }
 """The remotes of a daughter card, in the order of its SSERIAL channels (fact sheet sserial.md 9)."""
-
-
-class Remote(Protocol):
-    """What can be attached to an SSERIAL channel: it has a `hm2_remote` handle of the C core."""
-
-    @property
-    def handle(self) -> Any:
-        """The `hm2_remote *`, alive as long as this object."""
-
-
-class LineByte(NamedTuple):
-    """One byte on a serial line, as a line monitor sees it."""
-
-    channel: int
-    to_remote: bool
-    value: int
-    start_us: float
-    bit_us: float
-    framing_error: bool
-
-
-class EmulatedPin:
-    """One pad of the card, seen and driven from outside."""
-
-    def __init__(self, board: EmulatedBoard, number: int) -> None:
-        self._board = board
-        self.number = number
-
-    def drive(self, level: int | None) -> None:
-        """Drive the pad with 0 or 1 from outside, or let go (None)."""
-        if level not in (0, 1, None):
-            raise ValueError(f"a pin is driven with 0, 1 or None, not {level!r}")
-        lib.hm2_emulator_pin_drive(
-            self._board.handle, self.number, lib.HM2_LEVEL_RELEASE if level is None else level
-        )
-
-    @property
-    def level(self) -> str:
-        """The pad: "0", "1", "H" (floating, pulled up) or "X" (card and outside drive against each other)."""
-        return _LEVELS[lib.hm2_emulator_pin_level(self._board.handle, self.number)]
-
-    def __repr__(self) -> str:
-        return f"<pin IO{self.number} {self.level}>"
-
-
-class EmulatedEncoder:
-    """An encoder at one of the card's encoder inputs. Asking for it plugs it in, with A, B and Z at 0.
-
-    Every change takes effect as time goes on from now, and starts at the position reached.
-    """
-
-    def __init__(self, board: EmulatedBoard, number: int) -> None:
-        self._board = board
-        self.number = number
-
-    def run(self, edge_period_ns: float, counts: int) -> None:
-        """Quadrature: `counts` edges, one every `edge_period_ns`; A leads B when positive."""
-        period = round(edge_period_ns * 1000)
-        self._do(lib.hm2_emulator_encoder_run(self._board.handle, self.number, period, counts))
-
-    def pulses(self, period_ns: float, count: int) -> None:
-        """Step and direction: `count` pulses on A of 50 %; B is 1 when positive, 0 when negative."""
-        period = round(period_ns * 1000)
-        self._do(lib.hm2_emulator_encoder_pulses(self._board.handle, self.number, period, count))
-
-    def set_rate(self, counts_per_second: float) -> None:
-        """Quadrature at this rate until told otherwise. Fractions of a count are kept through changes."""
-        rate = round(counts_per_second * (1 << 20))
-        self._do(lib.hm2_emulator_encoder_rate(self._board.handle, self.number, rate))
-
-    def set(self, a: int | None, b: int | None, z: int | None) -> None:
-        """Levels that stay until it moves: 0, 1, or None for a line let go."""
-        levels = [-1 if level is None else level for level in (a, b, z)]
-        self._do(lib.hm2_emulator_encoder_set(self._board.handle, self.number, *levels))
-
-    def index_every(self, counts: int, width: int = 1) -> None:
-        """Z is high while position modulo `counts` is less than `width`; 0 counts: no pattern."""
-        self._do(lib.hm2_emulator_encoder_index(self._board.handle, self.number, counts, width))
-
-    @property
-    def position(self) -> int:
-        """Where the encoder is, in counts; setting it jumps there (no edges are made up in between)."""
-        out = ffi.new("int64_t *")
-        self._do(lib.hm2_emulator_encoder_position(self._board.handle, self.number, out))
-        return int(out[0])
-
-    @position.setter
-    def position(self, counts: int) -> None:
-        self._do(lib.hm2_emulator_encoder_preset(self._board.handle, self.number, counts))
-
-    def unplug(self) -> None:
-        """Take it off: its lines float."""
-        self._do(lib.hm2_emulator_encoder_plug(self._board.handle, self.number, 0))
-
-    def _do(self, status: int) -> None:
-        if status != lib.HM2_OK:
-            raise ValueError("out of range for an encoder")
-
-
-class EmulatedSserialPort:
-    """One SSERIAL instance: what hangs on its channels."""
-
-    def __init__(self, board: EmulatedBoard, instance: int) -> None:
-        self._board = board
-        self._instance = instance
-        self._remotes: dict[int, Remote] = {}
-        self.channels: int = lib.hm2_emulator_sserial_channels(board.handle, instance)
-        """The number of channels of the instance."""
-
-    def attach(self, channel: int, remote: Remote, *, through_pins: bool = False) -> None:
-        """Put `remote` on a channel, in place of what was there.
-
-        It is wired to the SSERIAL instance itself and answers at once. With `through_pins` it hangs on
-        the card's pins, as the remotes of a daughter card do: absent until the channel's pins are
-        switched to their secondary function (fact sheet sserial.md 1.3). Raises IndexError for a channel
-        the instance does not have.
-        """
-        self._set(channel, remote.handle, through_pins)
-        self._remotes[channel] = remote
-
-    def detach(self, channel: int) -> None:
-        """Take the remote off: the channel is an idle line."""
-        self._set(channel, ffi.NULL, False)
-        self._remotes.pop(channel, None)
-
-    def remote(self, channel: int) -> Remote | None:
-        """What hangs on a channel, brought up to now."""
-        lib.hm2_emulator_sync(self._board.handle)
-        return self._remotes.get(channel)
-
-    def take_line_bytes(self) -> list[LineByte]:
-        """What went over the instance's lines since the last call, in the order it was heard.
-
-        Only the last 4096 bytes are kept, so call it often enough. Empty with wire="off".
-        """
-        lib.hm2_emulator_sync(self._board.handle)
-        capacity = lib.HM2_LINE_RECORDS_KEPT
-        records = ffi.new("hm2_line_record[]", capacity)
-        count = lib.hm2_emulator_line_records(self._board.handle, self._instance, records, capacity)
-        return [
-            LineByte(
-                r.channel,
-                bool(r.to_remote),
-                r.byte.value,
-                r.byte.start_ps / 1e6,
-                r.byte.bit_ps / 1e6,
-                bool(r.byte.framing_error),
-            )
-            for r in records[0:count]
-        ]
-
-    def _set(self, channel: int, handle: Any, through_pins: bool) -> None:
-        status = lib.hm2_emulator_attach(self._board.handle, self._instance, channel, handle, through_pins)
-        if status != lib.HM2_OK:
-            raise IndexError(
-                f"SSERIAL instance {self._instance} has channels 0..{self.channels - 1}, no {channel}"
-            )
 
 
 class EmulatedBoard:

@@ -22,8 +22,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
-from hostmot2.emulator.board import EmulatedBoard, EmulatedEncoder
+from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.described import DescribedRemote
+from hostmot2.emulator.encoder import EmulatedEncoder
 from hostmot2.emulator.ethernet import EthernetServer, Fault
 
 _FAULT_KEYS: Final = {

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 from hostmot2.register_map import Register
 from hostmot2.sserial.core import Core
+from hostmot2.sserial.counters import ChannelCounters
 from hostmot2.sserial.errors import PortRunning
 
 if TYPE_CHECKING:
@@ -31,6 +32,31 @@ class PortMemory(ABC):
     @abstractmethod
     def start(self, mask: int, mode: Literal["normal", "setup"] = "normal") -> StartResult:
         """See SserialPort.start."""
+
+    @property
+    def revision(self) -> str:
+        """Of the SSLBP firmware, such as "1.43"; "" before the first use."""
+        return self._core.revision
+
+    @property
+    def clock_hz(self) -> int:
+        """The port's processor clock; 0 before the first use."""
+        return self._core.clock_hz
+
+    def counters(self) -> tuple[ChannelCounters, ...]:
+        """The firmware's error counters of all channels, read now. Possible while channels run.
+
+        Raises NoFirmware for SSLBP before 1.34, which does not tell where they are.
+        """
+        with self._lock:
+            self._ready()
+            return self._core.counters()
+
+    def process_data_sizes(self, channel: int) -> tuple[int, int]:
+        """Bytes received (with the fault byte) and sent in an exchange, as the last start found out."""
+        with self._lock:
+            self._ready()
+            return self._core.sizes(channel)
 
     @property
     def started(self) -> int:

@@ -19,7 +19,6 @@ from hostmot2.registers import Gtag, Sserial
 from hostmot2.remotes.discovery import RemoteDescription
 from hostmot2.sserial.channel import HEADER, Channel
 from hostmot2.sserial.core import NORMAL, SETUP, Core
-from hostmot2.sserial.counters import ChannelCounters
 from hostmot2.sserial.errors import NotStarted
 from hostmot2.sserial.evidence import DoitResult, Identity, Scan, StartResult
 from hostmot2.sserial.memory import PortMemory
@@ -234,16 +233,6 @@ class SserialPort(PortMemory):
         return self._channels
 
     @property
-    def revision(self) -> str:
-        """Of the SSLBP firmware, such as "1.43"; "" before the first use."""
-        return self._core.revision
-
-    @property
-    def clock_hz(self) -> int:
-        """The port's processor clock; 0 before the first use."""
-        return self._core.clock_hz
-
-    @property
     def process_data(self) -> ProcessData:
         """The elements of all described channels; a new object when a remote has changed."""
         return self._remotes.process_data
@@ -276,24 +265,9 @@ class SserialPort(PortMemory):
             assert known.description is not None
             return known.description
 
-    def process_data_sizes(self, channel: int) -> tuple[int, int]:
-        """Bytes received (with the fault byte) and sent in an exchange, as the last start found out."""
-        with self._lock:
-            self._ready()
-            return self._core.sizes(channel)
-
     def pause(self, seconds: float) -> None:
         """Let time pass on the board's clock."""
         self._board.pause(seconds)
-
-    def counters(self) -> tuple[ChannelCounters, ...]:
-        """The firmware's error counters of all channels, read now. Possible while channels run.
-
-        Raises NoFirmware for SSLBP before 1.34, which does not tell where they are.
-        """
-        with self._lock:
-            self._ready()
-            return self._core.counters()
 
     @property
     def transfers(self) -> dict[str, Any]:
