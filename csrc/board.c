@@ -13,6 +13,7 @@ struct hm2_board {
 	_Atomic int open;
 	_Atomic int outstanding; /* a begin without its finish */
 	_Atomic int gate_shut;   /* writes are refused */
+	int read_only;
 	int64_t timeout_ns;
 	uint64_t reads_begun; /* words of the outstanding list, counted when it has come back */
 	uint64_t writes_begun;
@@ -90,6 +91,16 @@ int hm2_board_gate_is_shut(const struct hm2_board *board)
 	return board->gate_shut;
 }
 
+void hm2_board_set_read_only(struct hm2_board *board)
+{
+	board->read_only = 1;
+}
+
+int hm2_board_takes_writes(const struct hm2_board *board)
+{
+	return !board->gate_shut && !board->read_only;
+}
+
 static int out_of_range(hm2_error *error, uint32_t address, uint32_t expected, uint32_t received)
 {
 	const int status = hm2_error_set(error, HM2_ERR_RANGE, "board");
@@ -143,8 +154,8 @@ static int check_list(struct hm2_board *board, const hm2_transfer *transfers, si
 		}
 		*(transfers[i].flags & HM2_TRANSFER_WRITE ? &writes : &reads) += transfers[i].count;
 	}
-	if (writes && board->gate_shut)
-		return hm2_error_set(error, HM2_ERR_GATED, "board");
+	if (writes && !hm2_board_takes_writes(board))
+		return hm2_error_set(error, board->read_only ? HM2_ERR_READ_ONLY : HM2_ERR_GATED, "board");
 	board->reads_begun = reads;
 	board->writes_begun = writes;
 	return HM2_OK;

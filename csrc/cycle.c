@@ -50,7 +50,7 @@ static int append(struct hm2_cycle *cycle, appender list, void *self, hm2_error 
 int cycle_begin(struct hm2_cycle *cycle, int reads, int writes, hm2_error *error)
 {
 	int status = HM2_OK;
-	if (hm2_board_gate_is_shut(cycle->board))
+	if (!hm2_board_takes_writes(cycle->board))
 		writes = 0; /* a bite ends the outputs, not the view of the machine */
 	cycle->transfers = 0;
 	cycle->processes = reads;

@@ -126,6 +126,8 @@ static void one_cycle(struct hm2_engine *engine)
 static void last_cycles(struct hm2_engine *engine)
 {
 	engine_off(engine, HM2_OFF_STOP);
+	for (uint32_t i = 0; i < engine->port_count; i++)
+		engine_lend_no_more(&engine->ports[i]); /* the zeroes need its DOIT */
 	for (int i = 0; i < LAST_CYCLES; i++) {
 		engine_cycle(engine, engine_now_ns(engine));
 		if (engine->config.virtual_time)

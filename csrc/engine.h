@@ -41,10 +41,15 @@ struct engine_control {
 	void *context;
 };
 
+enum engine_wanted { NOT_WANTED, WANTED, GRANTED };
+
 struct engine_port {
 	struct hm2_sserial *port;
 	int32_t level;
-	_Atomic int state; /* enum hm2_engine_port_state */
+	_Atomic int state;  /* enum hm2_engine_port_state */
+	_Atomic int wanted; /* enum engine_wanted */
+	int held;           /* no new DOIT: it is about to be lent */
+	uint32_t cyclic;    /* what its mask was before */
 };
 
 /* The register image: a word per address and direction, in the order they were first seen. */
@@ -120,6 +125,10 @@ void engine_scatter(struct hm2_engine *engine);
 int engine_take_outputs(struct hm2_engine *engine); /* 1: there are new ones */
 void engine_load_outputs(struct hm2_engine *engine); /* as they stand in the participants */
 void engine_publish(struct hm2_engine *engine);
+
+/* engine_lend.c: behind a port's results of a cycle */
+void engine_lend(struct engine_port *port);
+void engine_lend_no_more(struct engine_port *port);
 
 /* engine_control.c: between inputs and outputs */
 void engine_take_settings(struct hm2_engine *engine);

@@ -102,6 +102,8 @@ static void judge_port(struct hm2_engine *engine, uint32_t number)
 		give_up(engine, number, -1);
 	else if (config->fault_limit && port->level >= config->fault_limit)
 		give_up(engine, number, port->level);
+	else
+		engine_lend(port);
 }
 
 void engine_judge_ports(struct hm2_engine *engine)

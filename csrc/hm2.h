@@ -100,6 +100,9 @@ void hm2_board_pause_ns(struct hm2_board *board, int64_t ns);
  * a watchdog bite; opened by whoever has decided that the machine may move again. */
 void hm2_board_set_gate(struct hm2_board *board, int shut);
 int hm2_board_gate_is_shut(const struct hm2_board *board);
+/* From now on, and for good, every list with a write in it fails with HM2_ERR_READ_ONLY and cycles write nothing. */
+void hm2_board_set_read_only(struct hm2_board *board);
+int hm2_board_takes_writes(const struct hm2_board *board);
 
 /* count consecutive words. After a failure the words read are not to be used. */
 int hm2_read(struct hm2_board *board, uint32_t address, uint32_t *words, size_t count, hm2_error *error);
@@ -1462,7 +1465,7 @@ typedef struct hm2_engine_refusals {
 	int32_t priority, cpu, lock_memory;
 } hm2_engine_refusals;
 
-enum hm2_engine_port_state { HM2_PORT_RUNNING, HM2_PORT_GIVEN_UP };
+enum hm2_engine_port_state { HM2_PORT_RUNNING, HM2_PORT_GIVEN_UP, HM2_PORT_LENT };
 
 typedef struct hm2_engine_status {
 	uint64_t cycles;       /* done, good or not */
@@ -1478,7 +1481,7 @@ typedef struct hm2_engine_status {
 	int32_t stale;         /* failed exchanges in a row */
 	int32_t running;
 	int32_t port_level[4]; /* fault buckets */
-	int32_t port_state[4]; /* enum hm2_engine_port_state */
+	int32_t port_state[4]; /* enum hm2_engine_port_state; HM2_PORT_RUNNING while lent */
 } hm2_engine_status;
 
 void hm2_engine_defaults(hm2_engine_config *config);
@@ -1523,8 +1526,12 @@ int hm2_engine_wait(struct hm2_engine *engine, uint64_t cycles, int64_t timeout_
 /* Outputs on again after they went off: nothing else turns them on. What still holds turns them off again. */
 void hm2_engine_enable(struct hm2_engine *engine);
 void hm2_engine_disable(struct hm2_engine *engine);
-/* After a port was given up: it was started anew and takes part again. */
+/* After a port was given up: it was started anew and takes part again. Or after it was lent. */
 void hm2_engine_port_back(struct hm2_engine *engine, uint32_t port);
+/* Ask for a port for a moment, its channels running on: between two of its DOITs the cycle leaves it to others until
+ * hm2_engine_port_back. 1: it is lent; 0: not yet, ask again after a cycle. wanted 0 takes the question back; the port may
+ * have been lent just before: 1. One thread per port. */
+int hm2_engine_lend_port(struct hm2_engine *engine, uint32_t port, int wanted);
 size_t hm2_engine_take_events(struct hm2_engine *engine, hm2_engine_event *events, size_t capacity);
 
 /* Durations of stages (HM2_STAGE_WAKE: lateness), and HM2_STAGES: of whole cycles. All while running. */

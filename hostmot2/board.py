@@ -51,10 +51,18 @@ class Board:
     must not be interrupted holds `lock` (it is reentrant) around itself.
     """
 
-    def __init__(self, transport: Transport, *, strict: bool = True, board: BoardFacts | None = None) -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        *,
+        strict: bool = True,
+        board: BoardFacts | None = None,
+        read_only: bool = False,
+    ) -> None:
         self.lock = threading.RLock()
         self.url = transport.url
-        self.read_only = transport.read_only
+        self.read_only = transport.read_only or read_only
+        """Whether every write is refused with ReadOnly; closing then leaves the card as it is."""
         self.virtual_time = transport.virtual_time
         """Whether time on the card passes only while somebody waits (an emulated card with that clock)."""
         self._transport = transport
@@ -68,6 +76,8 @@ class Board:
         handle = ffi.new("struct hm2_board **")
         errors.check(lib.hm2_board_open(transport.bus, handle, self._error), self._error)
         self._handle = ffi.gc(handle[0], lib.hm2_board_free)
+        if self.read_only:
+            lib.hm2_board_set_read_only(self._handle)
         self._closed = False
         try:
             self.inventory: Inventory = read_inventory(
@@ -210,7 +220,7 @@ class Board:
             self._closing = True
             lib.hm2_board_set_gate(self._handle, 0)  # making safe is writing, too
             # a forked child shares the card with its parent, whose outputs it must not turn off
-            failed = self._make_safe() if os.getpid() == self._owner else []
+            failed = self._make_safe() if os.getpid() == self._owner and not self.read_only else []
             self._close_bus()
         exits.forget(self)
         if failed:

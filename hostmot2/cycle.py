@@ -48,7 +48,7 @@ class Cycle:
         """Whether the board's watchdog is in use."""
         self.engine: object = None
         """The cycle engine that has the cycle; while it has, nobody else may exchange through it."""
-        self.automatic_watchdog = True
+        self.automatic_watchdog = not board.read_only
         """Whether the watchdog is armed by the first exchange that writes; set to False only knowingly."""
 
     def arm_watchdog(self) -> None:

@@ -12,21 +12,30 @@ if TYPE_CHECKING:
     from hostmot2.emulator import EmulatedBoard
 
 
-def open_board(card: str | EmulatedBoard, *, strict: bool = True, board: BoardFacts | None = None) -> Board:
+def open_board(
+    card: str | EmulatedBoard,
+    *,
+    strict: bool = True,
+    board: BoardFacts | None = None,
+    read_only: bool = False,
+) -> Board:
     """Open a card and read what it contains; nothing is written, outputs stay as they are.
 
     card: a URL (emu://, pci://, udp://, dump://, or a scheme that another package provides), or an
     EmulatedBoard. strict=False uses what can be used of a card whose IDROM has modules of a form this driver
     does not know, instead of refusing it. board: ports and connectors of a card that is not in the board
-    table (hostmot2/boards.py) or not as it says; its port count and width are then checked.
+    table (hostmot2/boards.py) or not as it says; its port count and width are then checked. read_only=True
+    looks at a card that another program may be driving: every write is refused with ReadOnly, closing writes
+    nothing, and a PCI card is not locked. Parts that write when they are made cannot be used then.
 
     Raises TransportError if the card cannot be reached, IdromError if its description is broken, ValueError
     for a URL that cannot be.
     """
     if isinstance(card, str):
-        return Board(open_transport(card), strict=strict, board=board)
+        transport = open_transport(card, read_only=read_only)
+        return Board(transport, strict=strict, board=board, read_only=read_only)
     if not hasattr(card, "handle"):
         raise TypeError(f"a card is a URL or an EmulatedBoard, not {type(card).__name__}")
     from hostmot2.transports.emulated import transport_of  # the emulator is loaded only when wanted
 
-    return Board(transport_of(card), strict=strict, board=board)
+    return Board(transport_of(card), strict=strict, board=board, read_only=read_only)

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 import hostmot2
+from hostmot2._core import ffi, lib
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.plant import couple_dc_motor
 from hostmot2.engine import EventKind, Off
+from hostmot2.engine.signals import Signal
 from hostmot2.errors import EngineError
 from hostmot2.record_ring import STAGES
 from hostmot2.registers import Gtag
@@ -488,3 +490,70 @@ def test_the_trace_counts_every_stage_of_every_cycle(board: Any) -> None:
         engine.reset_trace()
         run(engine, 2)
         assert len(engine.trace()["cycle"]) <= 2
+
+
+# -- what others get of it
+
+
+def test_a_port_is_lent_between_two_doits_and_its_channels_run_on(
+    board: Any, emulated: EmulatedBoard
+) -> None:
+    card = board.card("7i77")
+    with board.engine() as engine:
+        card.outputs[5] = True
+        run(engine, 5)
+        emulated.sserial[0].remote(1).inject(bad_crc=1)
+        run(engine, 5)
+        with engine.lend(0):
+            counted = board.sserial.counters()
+            doits = board.sserial.transfers["doits"]
+            run(engine, 3)
+            assert board.sserial.transfers["doits"] == doits  # the cycle goes on without it
+        assert (counted[0].crc_errors, counted[1].crc_errors) == (0, 1)
+        run(engine, 5)
+        assert board.sserial.transfers["doits"] > doits
+        assert emulated.sserial[0].remote(0).get("output") == 1 << 5
+        assert not engine.off
+        assert EventKind.PORT_BACK not in [kind for kind, _ in kinds(engine)]
+        with pytest.raises(EngineError):
+            board.sserial.counters()
+
+
+def test_a_port_that_is_not_the_engines_or_was_given_up_is_not_lent(
+    board: Any, emulated: EmulatedBoard
+) -> None:
+    with board.engine() as engine:
+        run(engine, 3)
+        with pytest.raises(EngineError), engine.lend(1):
+            pass
+        emulated.sserial[0].remote(0).alive = False
+        run(engine, 40)
+        assert engine.status.ports_given_up == (True,)
+        with pytest.raises(EngineError, match="given up"), engine.lend(0):
+            pass
+    with pytest.raises(EngineError, match="no running engine"), engine.lend(0):
+        pass
+
+
+def test_stopping_while_a_port_is_asked_for_still_sends_the_zeroes(
+    board: Any, emulated: EmulatedBoard
+) -> None:
+    card = board.card("7i77")
+    with board.engine(style="pipelined") as engine:
+        card.outputs[5] = True
+        run(engine, 5)
+        assert emulated.sserial[0].remote(0).get("output") == 1 << 5
+        lib.hm2_engine_lend_port(engine.handle, 0, 1)
+        engine.step()  # held back, but a DOIT is still on its way
+    emulated.advance(200.0)
+    assert emulated.sserial[0].remote(0).get("output") == 0
+
+
+def test_any_number_that_the_cycle_reads_can_be_an_input(board: Any) -> None:
+    cs = ffi.addressof(board.sserial._core._image.cs, 1)
+    engine = board.engine()
+    engine.add_input(Signal("cs1", cs, lib.HM2_SIGNAL_U32))
+    with engine:
+        run(engine, 5)
+        assert int(engine.read()["cs1"]) & 0xFF00FFFF == 0
+        assert int(engine.read()["cs1"]) >> 16 & 0xFF in (0x42, 0x43)

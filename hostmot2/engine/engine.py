@@ -7,6 +7,7 @@ import threading
 import weakref
 from collections import deque
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, Unpack
 
@@ -18,6 +19,7 @@ from hostmot2.engine import signals as signal
 from hostmot2.engine.axis import Axis, pid_of
 from hostmot2.engine.facts import EngineStatus, Event, Off, event_of, status_of
 from hostmot2.engine.frame import Frame
+from hostmot2.engine.lend import lend
 from hostmot2.engine.options import Options, new_config, warn_of
 from hostmot2.engine.restart import Restarter
 from hostmot2.engine.signals import Commands, Names, Readings, Signal
@@ -125,6 +127,14 @@ class Engine:
     def signals(self) -> tuple[list[Signal], list[Signal]]:
         """Inputs and outputs with their units, in the order of the vectors."""
         return list(self._input_signals), list(self._output_signals)
+
+    def add_input(self, added: Signal) -> None:
+        """One more input: a number in memory that a part of the board's cycle reads into. Before start()."""
+        self._before_start()
+        if added.name in self.input_names:
+            raise ValueError(f"there is an input {added.name!r} already")
+        self._input_signals.append(added)
+        self._name()
 
     def add_command(self, name: str) -> None:
         """A number among the outputs that goes to controllers only. Before start()."""
@@ -391,6 +401,14 @@ class Engine:
         with self._lock:
             self._require()
             lib.hm2_engine_disable(self.handle)
+
+    def lend(self, number: int) -> AbstractContextManager[None]:
+        """The smart-serial port `number` among the engine's, for the time of a with block: counters(), say.
+
+        Its channels run on and get no transfer meanwhile, so be quick: 40 ms and their watchdogs bite.
+        Everything else goes on. Raises EngineError if the engine does not run or the port's exchanges fail.
+        """
+        return lend(self, number)
 
     # -- looking at it
 

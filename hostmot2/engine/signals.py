@@ -127,8 +127,8 @@ def _member(state: Any, name: str) -> Any:
 
 def encoder_signals(board: Board) -> list[Signal]:
     """Position, velocity and count of every encoder, if the card has any."""
-    if not any(module.gtag in (Gtag.ENCODER, Gtag.MUXED_ENCODER) for module in board.modules):
-        return []
+    if board.read_only or not any(m.gtag in (Gtag.ENCODER, Gtag.MUXED_ENCODER) for m in board.modules):
+        return []  # to set them up is to write
     signals = []
     for number, encoder in enumerate(board.encoders):
         state, name = encoder._state, f"encoder{number}"

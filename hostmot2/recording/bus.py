@@ -42,6 +42,7 @@ class BusAround:
             url=self.under.url,
             model=self.under.model,
             read_only=self.under.read_only,
+            virtual_time=self.under.virtual_time,
             keep=(self, *self.under.keep, *callbacks.values()),
             on_close=self.under.on_close,
         )

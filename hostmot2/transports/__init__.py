@@ -32,8 +32,8 @@ def schemes() -> list[str]:
     return sorted({*TRANSPORTS, *(point.name for point in entry_points(group=ENTRY_POINTS))})
 
 
-def open_transport(url: str) -> Transport:
-    """Open the transport that `url` names.
+def open_transport(url: str, *, read_only: bool = False) -> Transport:
+    """Open the transport that `url` names. read_only: only to look, beside whoever drives the card.
 
     Raises ValueError for a URL without a known scheme, CardNotFound when the transport is not there,
     and what the transport itself raises.
@@ -44,6 +44,10 @@ def open_transport(url: str) -> Transport:
         raise ValueError(
             f"{url!r}: the scheme must be one of {', '.join(f'{name}://' for name in schemes())}"
         )
+    if read_only and scheme == "pci":
+        from hostmot2.transports.pci import open_unlocked  # the lock is for those who drive
+
+        return open_unlocked(url)
     return opener(url)
 
 

@@ -14,6 +14,8 @@ from hostmot2.card_lock import lock_file
 from hostmot2.pci_cards import SYSFS, PciCard, find_cards
 from hostmot2.transports.base import Transport
 
+Lock = Callable[[str, str], int]
+"""Locks a file for a card of that name; gives the descriptor to close in the end."""
 _COMMAND = 4  # offset of the command register in configuration space
 _COMMAND_MEMORY = 0x2
 
@@ -25,11 +27,20 @@ def open_transport(url: str) -> Transport:
 
     Raises CardNotFound, CardBusy, PermissionDenied, KernelLockdown or MappingTooSmall, each naming the file.
     """
+    return _open(url, _lock)
+
+
+def open_unlocked(url: str) -> Transport:
+    """The same without the lock, beside a process that drives the card: only to read. Errors as above."""
+    return _open(url, _leave_unlocked)
+
+
+def _open(url: str, lock: Lock) -> Transport:
     parts = urlsplit(url)
     if parts.path and parts.path != "/":
-        return _open_file(unquote(parts.path), url)
+        return _open_file(unquote(parts.path), url, lock)
     sysfs = parse_qs(parts.query, strict_parsing=bool(parts.query)).get("sysfs", [str(SYSFS)])[0]
-    return _open_card(_choose(parts.netloc, Path(sysfs)), url)
+    return _open_card(_choose(parts.netloc, Path(sysfs)), url, lock)
 
 
 def _choose(address: str, sysfs: Path) -> PciCard:
@@ -43,8 +54,8 @@ def _choose(address: str, sysfs: Path) -> PciCard:
     )
 
 
-def _open_file(path: str, url: str) -> Transport:
-    descriptor = _lock(path, path)
+def _open_file(path: str, url: str, lock: Lock) -> Transport:
+    descriptor = lock(path, path)
     try:
         bus = map_file(path)
     except BaseException:
@@ -53,11 +64,11 @@ def _open_file(path: str, url: str) -> Transport:
     return Transport(bus=bus, url=url, on_close=[lambda: os.close(descriptor)])
 
 
-def _open_card(card: PciCard, url: str) -> Transport:
+def _open_card(card: PciCard, url: str, lock: Lock) -> Transport:
     undo: list[Callable[[], None]] = []
     path = str(card.registers)
     try:
-        descriptor = _lock(path, f"{card.model} at {card.address}")
+        descriptor = lock(path, f"{card.model} at {card.address}")
         undo.append(lambda: os.close(descriptor))
         undo.insert(0, _enable(card))
         size = card.bar_size()
@@ -82,6 +93,10 @@ def _lock(path: str, name: str) -> int:
     except OSError:
         map_file(path)  # says why the file cannot be used
         raise
+
+
+def _leave_unlocked(path: str, _name: str) -> int:
+    return os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)
 
 
 def _enable(card: PciCard) -> Callable[[], None]:
