@@ -196,17 +196,6 @@ int hm2_emulator_bspi_sent(hm2_emulator *card, int unit, hm2_spi_record *records
 }
 
 const struct card_module_type bspi_type = {
-	.gtag = HM2_GTAG_BSPI,
-	.create = create,
-	.destroy = destroy,
-	.read = read,
-	.write = write,
-	.advance = advance,
-	.output = output,
-};
-
-const struct card_module_type dbspi_type = {
-	.gtag = HM2_GTAG_DBSPI,
 	.create = create,
 	.destroy = destroy,
 	.read = read,

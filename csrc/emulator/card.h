@@ -39,7 +39,6 @@ struct card_pin {
 /* Clocks are counted in rising edges of ClockLow. A module's state after advance(n) is its state
  * just behind edge n; a write acts as taken by the edge last advanced to. */
 struct card_module_type {
-	uint8_t gtag;
 	void *(*create)(struct hm2_emulator *card, const struct card_descriptor *descriptor);
 	void (*destroy)(void *self);
 	/* Returns the bits that are driven; the others are left 0 in *value. offset: 0..0xFC */

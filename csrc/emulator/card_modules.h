@@ -16,11 +16,9 @@ extern const struct card_module_type dpll_type;
 extern const struct card_module_type ssr_type;
 extern const struct card_module_type outm_type;
 extern const struct card_module_type sserial_type;
-extern const struct card_module_type sserial_b_type;
 extern const struct card_module_type rcpwm_type;
 extern const struct card_module_type tp_pwm_type;
-extern const struct card_module_type inm_type;
-extern const struct card_module_type inmux_type;
+extern const struct card_module_type field_input_type;
 extern const struct card_module_type oneshot_type;
 extern const struct card_module_type period_type;
 extern const struct card_module_type resolver_type;
@@ -30,7 +28,6 @@ extern const struct card_module_type uart_rx_type;
 extern const struct card_module_type pktuart_tx_type;
 extern const struct card_module_type pktuart_rx_type;
 extern const struct card_module_type bspi_type;
-extern const struct card_module_type dbspi_type;
 
 /* ioport.c */
 struct ioport {

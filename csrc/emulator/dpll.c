@@ -345,7 +345,6 @@ int64_t dpll_last_event(struct hm2_emulator *card, int timer, int64_t clock)
 }
 
 const struct card_module_type dpll_type = {
-	.gtag = HM2_GTAG_DPLL,
 	.create = dpll_create,
 	.destroy = dpll_destroy,
 	.read = dpll_read,

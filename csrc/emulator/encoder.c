@@ -106,7 +106,6 @@ static int encoder_write(void *self, int reg, uint32_t offset, uint32_t value)
 }
 
 const struct card_module_type encoder_type = {
-	.gtag = HM2_GTAG_ENCODER,
 	.create = encoder_create,
 	.destroy = encoder_destroy,
 	.read = encoder_read,

@@ -243,18 +243,7 @@ int hm2_emulator_inmux_set(hm2_emulator *card, int unit, uint32_t levels)
 	return HM2_OK;
 }
 
-const struct card_module_type inm_type = {
-	.gtag = HM2_GTAG_INM,
-	.create = create,
-	.destroy = destroy,
-	.read = read,
-	.write = write,
-	.advance = advance,
-	.pins_changed = pins_changed,
-};
-
-const struct card_module_type inmux_type = {
-	.gtag = HM2_GTAG_INMUX,
+const struct card_module_type field_input_type = {
 	.create = create,
 	.destroy = destroy,
 	.read = read,

@@ -168,7 +168,6 @@ static int ioport_write(void *self, int reg, uint32_t offset, uint32_t value)
 }
 
 const struct card_module_type ioport_type = {
-	.gtag = HM2_GTAG_IOPORT,
 	.create = ioport_create,
 	.destroy = ioport_destroy,
 	.read = ioport_read,

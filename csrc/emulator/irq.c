@@ -125,7 +125,6 @@ int irq_asserted(const struct card_module *module)
 }
 
 const struct card_module_type irq_type = {
-	.gtag = HM2_GTAG_IRQ,
 	.create = irq_create,
 	.destroy = irq_destroy,
 	.read = irq_read,

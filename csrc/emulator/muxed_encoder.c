@@ -255,7 +255,6 @@ static int muxed_write(void *self, int reg, uint32_t offset, uint32_t value)
 }
 
 const struct card_module_type muxed_encoder_type = {
-	.gtag = HM2_GTAG_MUXED_ENCODER,
 	.create = muxed_create,
 	.destroy = muxed_destroy,
 	.read = muxed_read,
@@ -309,7 +308,6 @@ static int select_output(void *self, int unit, int number)
 }
 
 const struct card_module_type muxed_select_type = {
-	.gtag = HM2_GTAG_MUXED_ENCODER_SELECT,
 	.create = select_create,
 	.destroy = select_destroy,
 	.read = select_read,

@@ -289,7 +289,6 @@ static int oneshot_output(void *self, int unit, int number)
 }
 
 const struct card_module_type oneshot_type = {
-	.gtag = HM2_GTAG_ONESHOT,
 	.create = oneshot_create,
 	.destroy = oneshot_destroy,
 	.read = oneshot_read,

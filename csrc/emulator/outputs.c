@@ -87,7 +87,6 @@ static int outputs_output(void *self, int unit, int number)
 }
 
 const struct card_module_type ssr_type = {
-	.gtag = HM2_GTAG_SSR,
 	.create = ssr_create,
 	.destroy = outputs_destroy,
 	.read = outputs_read,
@@ -96,7 +95,6 @@ const struct card_module_type ssr_type = {
 };
 
 const struct card_module_type outm_type = {
-	.gtag = HM2_GTAG_OUTM,
 	.create = outm_create,
 	.destroy = outputs_destroy,
 	.read = outputs_read,

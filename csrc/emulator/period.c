@@ -250,7 +250,6 @@ int hm2_emulator_period_signal(hm2_emulator *card, int unit, int64_t period_ps, 
 }
 
 const struct card_module_type period_type = {
-	.gtag = HM2_GTAG_PERIOD,
 	.create = period_create,
 	.destroy = period_destroy,
 	.read = period_read,

@@ -334,7 +334,6 @@ int hm2_emulator_pktuart_received(hm2_emulator *card, int unit, uint8_t *bytes, 
 }
 
 const struct card_module_type pktuart_tx_type = {
-	.gtag = HM2_GTAG_PKTUART_TX,
 	.create = tx_create,
 	.destroy = destroy,
 	.read = tx_read,
@@ -344,7 +343,6 @@ const struct card_module_type pktuart_tx_type = {
 };
 
 const struct card_module_type pktuart_rx_type = {
-	.gtag = HM2_GTAG_PKTUART_RX,
 	.create = rx_create,
 	.destroy = destroy,
 	.read = rx_read,

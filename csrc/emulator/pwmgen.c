@@ -357,7 +357,6 @@ static int pwmgen_output(void *self, int u, int number)
 }
 
 const struct card_module_type pwmgen_type = {
-	.gtag = HM2_GTAG_PWMGEN,
 	.create = pwmgen_create,
 	.destroy = pwmgen_destroy,
 	.read = pwmgen_read,

@@ -92,7 +92,6 @@ static int rcpwm_output(void *self, int unit, int number)
 }
 
 const struct card_module_type rcpwm_type = {
-	.gtag = HM2_GTAG_RCPWM,
 	.create = rcpwm_create,
 	.destroy = rcpwm_destroy,
 	.read = rcpwm_read,

@@ -154,7 +154,6 @@ int hm2_emulator_resolver_angle(hm2_emulator *card, int channel, uint32_t *angle
 }
 
 const struct card_module_type resolver_type = {
-	.gtag = HM2_GTAG_RESOLVER,
 	.create = resolver_create,
 	.destroy = resolver_destroy,
 	.read = resolver_read,

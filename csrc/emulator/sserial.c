@@ -187,18 +187,6 @@ size_t sserial_line_records(const struct card_module *module, int instance, hm2_
 }
 
 const struct card_module_type sserial_type = {
-	.gtag = HM2_GTAG_SSERIAL,
-	.create = sserial_create,
-	.destroy = sserial_destroy,
-	.read = sserial_read,
-	.write = sserial_write,
-	.advance = sserial_advance,
-	.pins_changed = sserial_pins_changed,
-};
-
-/* The same with 224 bits of interface data instead of 96. */
-const struct card_module_type sserial_b_type = {
-	.gtag = HM2_GTAG_SSERIAL_B,
 	.create = sserial_create,
 	.destroy = sserial_destroy,
 	.read = sserial_read,

@@ -217,7 +217,6 @@ int hm2_emulator_ssi_set(hm2_emulator *card, int channel, int plugged, uint64_t 
 }
 
 const struct card_module_type ssi_type = {
-	.gtag = HM2_GTAG_SSI,
 	.create = ssi_create,
 	.destroy = ssi_destroy,
 	.read = ssi_read,

@@ -224,7 +224,6 @@ static int stepgen_output(void *self, int unit, int number)
 }
 
 const struct card_module_type stepgen_type = {
-	.gtag = HM2_GTAG_STEPGEN,
 	.create = stepgen_create,
 	.destroy = stepgen_destroy,
 	.read = stepgen_read,

@@ -196,7 +196,6 @@ static int tp_pwm_output(void *self, int unit, int number)
 }
 
 const struct card_module_type tp_pwm_type = {
-	.gtag = HM2_GTAG_TP_PWM,
 	.create = tp_pwm_create,
 	.destroy = tp_pwm_destroy,
 	.read = tp_pwm_read,

@@ -284,7 +284,6 @@ int hm2_emulator_uart_received(hm2_emulator *card, int unit, uint8_t *bytes, siz
 }
 
 const struct card_module_type uart_tx_type = {
-	.gtag = HM2_GTAG_UART_TX,
 	.create = tx_create,
 	.destroy = uart_destroy,
 	.read = tx_read,
@@ -294,7 +293,6 @@ const struct card_module_type uart_tx_type = {
 };
 
 const struct card_module_type uart_rx_type = {
-	.gtag = HM2_GTAG_UART_RX,
 	.create = rx_create,
 	.destroy = uart_destroy,
 	.read = rx_read,

@@ -116,7 +116,6 @@ static int watchdog_write(void *self, int reg, uint32_t offset, uint32_t value)
 }
 
 const struct card_module_type watchdog_type = {
-	.gtag = HM2_GTAG_WATCHDOG,
 	.create = watchdog_create,
 	.destroy = watchdog_destroy,
 	.read = watchdog_read,

@@ -4,28 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from hostmot2.cards.remote_card import RemoteCard, identified
+from hostmot2.cards.remote_card import SingleRemoteCard
 from hostmot2.elements import Bits
 
 if TYPE_CHECKING:
-    from hostmot2.board import Board
-    from hostmot2.sserial import Channel, SserialPort
-
-REMOTE_NAME = "7I64"
+    pass
 
 
-class Card7i64(RemoteCard):
+class Card7i64(SingleRemoteCard):
     """One 7I64. Outputs off after start(). Values are those of the last exchange()."""
 
-    name = "7I64"
-
-    def __init__(self, board: Board, port: SserialPort, channel: int) -> None:
-        super().__init__(board, port, (channel,))
-
-    @property
-    def channel(self) -> Channel:
-        """The smart-serial channel of the card."""
-        return self.channels[0]
+    name = remote_name = "7I64"
 
     @property
     def outputs(self) -> Bits:
@@ -47,11 +36,4 @@ class Card7i64(RemoteCard):
         return f"<7I64 channel {self.channel.number} {'running' if self.started else 'stopped'}>"
 
 
-def find(board: Board) -> list[Card7i64]:
-    """All 7I64 of a board."""
-    return [
-        Card7i64(board, port, channel.number)
-        for port in board.sserial
-        for channel in identified(port)
-        if channel.name == REMOTE_NAME
-    ]
+find = Card7i64.find

@@ -5,31 +5,20 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from hostmot2.cards.remote_card import RemoteCard, identified
+from hostmot2.cards.remote_card import SingleRemoteCard
 from hostmot2.drive_8i20 import FAULTS, STATUS
 
 if TYPE_CHECKING:
-    from hostmot2.board import Board
-    from hostmot2.sserial import Channel, SserialPort
-
-REMOTE_NAME = "8I20"
+    pass
 
 
-class Card8i20(RemoteCard):
+class Card8i20(SingleRemoteCard):
     """One 8I20. Current 0 after start(); every exchange must set the angle that fits the rotor.
 
     Starting enables the drive, at current 0. Values are those of the last exchange().
     """
 
-    name = "8I20"
-
-    def __init__(self, board: Board, port: SserialPort, channel: int) -> None:
-        super().__init__(board, port, (channel,))
-
-    @property
-    def channel(self) -> Channel:
-        """The smart-serial channel of the drive."""
-        return self.channels[0]
+    name = remote_name = "8I20"
 
     @property
     def angle(self) -> float:
@@ -118,11 +107,4 @@ def _names(word: int, names: tuple[str, ...]) -> list[str]:
     ]
 
 
-def find(board: Board) -> list[Card8i20]:
-    """All 8I20 of a board."""
-    return [
-        Card8i20(board, port, channel.number)
-        for port in board.sserial
-        for channel in identified(port)
-        if channel.name == REMOTE_NAME
-    ]
+find = Card8i20.find

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from hostmot2 import errors
 
@@ -73,6 +73,31 @@ class RemoteCard:
         faults = self.faults()
         if faults:
             raise CardFault(f"{self.name}: not switched on: {'; '.join(faults)}")
+
+
+class SingleRemoteCard(RemoteCard):
+    """A card that is one remote."""
+
+    remote_name = ""
+    """What the remote calls itself."""
+
+    def __init__(self, board: Board, port: SserialPort, channel: int) -> None:
+        super().__init__(board, port, (channel,))
+
+    @property
+    def channel(self) -> Channel:
+        """The smart-serial channel of the card."""
+        return self.channels[0]
+
+    @classmethod
+    def find(cls, board: Board) -> list[Self]:
+        """All cards of this kind on a board."""
+        return [
+            cls(board, port, channel.number)
+            for port in board.sserial
+            for channel in identified(port)
+            if channel.name == cls.remote_name
+        ]
 
 
 def identified(port: SserialPort) -> Iterator[Channel]:

@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, overload
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, overload
 
 from hostmot2._core import ffi, lib
 from hostmot2.cycle import Order
 from hostmot2.idrom import ModuleDescriptor, PinDescriptor
+from hostmot2.register_map import Register
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
 
 Instance = TypeVar("Instance")
+
+
+class HasWord(Protocol):
+    """An instance that is commanded by one register."""
+
+    index: int
+
+    def word(self) -> int:
+        """What the register is to hold."""
+
+
+Commanded = TypeVar("Commanded", bound=HasWord)
 
 
 class ModuleAccess:
@@ -84,3 +97,29 @@ class Instances(ModuleAccess, Sequence[Instance], Generic[Instance]):
 
     def __repr__(self) -> str:
         return "\n".join(map(repr, self._instances))
+
+
+class CommandedInstances(Instances[Commanded]):
+    """Instances with one register each that every exchange writes.
+
+    The subclass makes `_instances` and, when the hardware is in a known state, joins the cycle.
+    """
+
+    def __init__(self, board: Board, gtag: int, register: Register) -> None:
+        super().__init__(board, gtag)
+        self._register = register.number
+        self._words: Any = ffi.new("uint32_t[]", self.descriptor.instances)
+        self._instances: list[Commanded] = []
+
+    def join_cycle(self, order: Order) -> None:
+        """Let each exchange write the words from now on."""
+        self.cyclic(self._register, self._words, write=True, order=order)
+
+    def update(self) -> None:
+        """Bring all commands into the words that the next exchange writes."""
+        for instance in self._instances:
+            self._words[instance.index] = instance.word()
+
+    def write_now(self) -> None:
+        """Write all words without waiting for the next exchange."""
+        self.board.write(self.address(self._register), list(self._words))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from hostmot2._core import ffi
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import Instances
+from hostmot2.modules.instances import CommandedInstances
 from hostmot2.registers import Gtag, Outm, Ssr, SsrPin
 
 if TYPE_CHECKING:
@@ -89,16 +88,15 @@ class FieldOutputs:
         return f"<{name} {self.index} {'enabled' if self._enable else 'off'} {states}>"
 
 
-class OutputInstances(Instances[FieldOutputs]):
+class OutputInstances(CommandedInstances[FieldOutputs]):
     """What SSR and OutM have in common: one data word per instance."""
 
     def __init__(self, board: Board, gtag: int) -> None:
-        super().__init__(board, gtag)
-        self._words: Any = ffi.new("uint32_t[]", self.descriptor.instances)
+        super().__init__(board, gtag, Outm.data)
         self._instances = [FieldOutputs(self, n) for n in range(self.descriptor.instances)]
         self._off()
         # behind the I/O ports, whose directions must be there first
-        self.cyclic(Outm.data.number, self._words, write=True, order=Order.OTHERS)
+        self.join_cycle(Order.OTHERS)
         board.on_restore(self._off)
         board.on_close(self._off, SafeOff.GENERATORS)
 
@@ -109,15 +107,6 @@ class OutputInstances(Instances[FieldOutputs]):
             self.drive(instance, f"{self.descriptor.name} {instance}")
         else:
             self.let_go(instance)
-
-    def update(self) -> None:
-        """Bring all outputs into the words that the next exchange writes."""
-        for outputs in self._instances:
-            self._words[outputs.index] = outputs.word()
-
-    def write_now(self) -> None:
-        """Write all outputs without waiting for the next exchange."""
-        self.board.write(self.address(Outm.data.number), list(self._words))
 
     def _off(self) -> None:
         for outputs in self._instances:

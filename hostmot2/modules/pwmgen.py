@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING
 
 from hostmot2 import errors
-from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
+from hostmot2.modules.instances import CommandedInstances
 from hostmot2.registers import Gtag, PwmgenOutput
 from hostmot2.registers import Pwmgen as Registers
 
@@ -84,7 +83,7 @@ class Pwmgen:
     @enable.setter
     def enable(self, on: bool) -> None:
         if on:
-            self._all.claim(self.index)
+            self._all.drive(self.index, f"pwmgen {self.index}")
         self._enable = bool(on)
         self._all.update()
         if on:
@@ -127,46 +126,32 @@ class Pwmgen:
         return f"<Pwmgen {self.index} {'on' if self._enable else 'off'} duty {self.duty:g}>"
 
 
-class Pwmgens(Sequence[Pwmgen]):
+class Pwmgens(CommandedInstances[Pwmgen]):
     """The card's PWM generators. All off, values 0, when the board closes and after a watchdog bite."""
 
     def __init__(self, board: Board) -> None:
-        self._board = board
-        self._module = board.module(Gtag.PWMGEN)
-        self._words: Any = ffi.new("uint32_t[]", self._module.instances)
+        super().__init__(board, Gtag.PWMGEN, _VALUE)
         self._pwm_frequency = self._pdm_frequency = 20000.0
         self.bits, self._pwm_rate = self._choose(20000.0)
-        self._pwmgens = [Pwmgen(self, n) for n in range(self._module.instances)]
+        self._instances = [Pwmgen(self, n) for n in range(self.descriptor.instances)]
         self._off()
-        self._join_cycle()
+        self.join_cycle(Order.GENERATORS)
         board.on_restore(self._restore, SafeOff.GENERATORS)
         board.on_close(self._off, SafeOff.GENERATORS)
-
-    def _join_cycle(self) -> None:
-        block: Any = ffi.new("hm2_cyclic_words *")
-        block.transfer.address = self._address(_VALUE.number)
-        block.transfer.count, block.transfer.flags = self._module.instances, lib.HM2_TRANSFER_WRITE
-        block.transfer.words, block.enabled = self._words, 1
-        part = ffi.new("hm2_cyclic *")
-        lib.hm2_cyclic_words_part(block, part)
-        self._board.cycle.add(part, (block, part), Order.GENERATORS)
-
-    def _address(self, register: int, instance: int = 0) -> int:
-        return self._module.register_address(register, instance)
 
     def _choose(self, frequency: float) -> tuple[int, int]:
         """The widest resolution whose rate fits its 16 bits."""
         for bits in _WIDTHS:
-            rate = round(frequency * 65536 * 2**bits / self._module.clock) if frequency > 0 else 0
+            rate = round(frequency * 65536 * 2**bits / self.clock) if frequency > 0 else 0
             if 1 <= rate <= 0xFFFF:
                 return bits, rate
-        limit = self._module.clock * 0xFFFF / 65536 / 2 ** _WIDTHS[-1]
+        limit = self.clock * 0xFFFF / 65536 / 2 ** _WIDTHS[-1]
         raise ValueError(f"PWM frequency {frequency} Hz is outside 0..{limit:.0f} Hz")
 
     @property
     def frequency(self) -> float:
         """PWM frequency of all generators in Hz; the default is 20 kHz. High ones have fewer bits."""
-        return self._pwm_rate * self._module.clock / 65536 / float(2**self.bits)
+        return self._pwm_rate * self.clock / 65536 / float(2**self.bits)
 
     @frequency.setter
     def frequency(self, hertz: float) -> None:
@@ -177,66 +162,36 @@ class Pwmgens(Sequence[Pwmgen]):
     @property
     def pdm_frequency(self) -> float:
         """Pulse slots per second of all PDM outputs; the default is 20 kHz."""
-        return self._pdm_rate * self._module.clock / 65536
+        return self._pdm_rate * self.clock / 65536
 
     @pdm_frequency.setter
     def pdm_frequency(self, hertz: float) -> None:
-        if not 1 <= hertz * 65536 / self._module.clock < 65536:
-            raise ValueError(f"PDM frequency {hertz} Hz is outside 1..{self._module.clock} Hz")
+        if not 1 <= hertz * 65536 / self.clock < 65536:
+            raise ValueError(f"PDM frequency {hertz} Hz is outside 1..{self.clock} Hz")
         self._pdm_frequency = hertz
         self.configure()
 
     @property
     def _pdm_rate(self) -> int:
-        return min(0xFFFF, max(1, round(self._pdm_frequency * 65536 / self._module.clock)))
-
-    def claim(self, instance: int) -> None:
-        """Drive the pins of one instance; arms the watchdog first."""
-        self._board.cycle.arm_watchdog()
-        pins = [
-            p for p in self._board.pins if p.secondary_gtag == Gtag.PWMGEN and p.secondary_unit == instance
-        ]
-        self._board.ioport.claim(pins, f"pwmgen {instance}")
-
-    def update(self) -> None:
-        """Bring all values into the words that the next exchange writes."""
-        for pwmgen in self._pwmgens:
-            self._words[pwmgen.index] = pwmgen.word()
-
-    def write_now(self) -> None:
-        """Write all values without waiting for the next exchange."""
-        self._board.write(self._address(_VALUE.number), list(self._words))
+        return min(0xFFFF, max(1, round(self._pdm_frequency * 65536 / self.clock)))
 
     def configure(self) -> None:
         """Write modes, enables and rates, in this order."""
-        for pwmgen in self._pwmgens:
-            self._board.write(self._address(Registers.mode.number, pwmgen.index), pwmgen.mode_word())
-        enables = sum(1 << pwmgen.index for pwmgen in self._pwmgens if pwmgen.enable)
-        self._board.write(self._address(Registers.enable.number), enables)
-        self._board.write(self._address(Registers.pwm_rate.number), self._pwm_rate)
-        self._board.write(self._address(Registers.pdm_rate.number), self._pdm_rate)
+        for pwmgen in self._instances:
+            self.write(Registers.mode.number, pwmgen.mode_word(), pwmgen.index)
+        enables = sum(1 << pwmgen.index for pwmgen in self._instances if pwmgen.enable)
+        self.write(Registers.enable.number, enables)
+        self.write(Registers.pwm_rate.number, self._pwm_rate)
+        self.write(Registers.pdm_rate.number, self._pdm_rate)
 
     def _off(self) -> None:
-        for pwmgen in self._pwmgens:
+        for pwmgen in self._instances:
             pwmgen._enable = False
         self.update()
         self.write_now()
         self.configure()
 
     def _restore(self) -> None:
-        for pwmgen in self._pwmgens:
+        for pwmgen in self._instances:
             pwmgen._value = 0.0  # what was wanted before a bite is not wanted by itself after it
         self._off()
-
-    def __len__(self) -> int:
-        return len(self._pwmgens)
-
-    @overload
-    def __getitem__(self, index: int) -> Pwmgen: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[Pwmgen]: ...
-    def __getitem__(self, index: int | slice) -> Pwmgen | Sequence[Pwmgen]:
-        return self._pwmgens[index]
-
-    def __repr__(self) -> str:
-        return "\n".join(map(repr, self._pwmgens))

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from hostmot2._core import ffi
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import Instances
+from hostmot2.modules.instances import CommandedInstances
 from hostmot2.registers import Gtag
 from hostmot2.registers import Rcpwm as Registers
 
@@ -96,16 +95,15 @@ class Rcpwm:
         return f"<Rcpwm {self.index} {'on' if self._enable else 'off'} {self.width * 1e3:g} ms>"
 
 
-class Rcpwms(Instances[Rcpwm]):
+class Rcpwms(CommandedInstances[Rcpwm]):
     """The card's servo outputs. All off when the board closes and after a watchdog bite."""
 
     def __init__(self, board: Board) -> None:
-        super().__init__(board, Gtag.RCPWM)
-        self._words: Any = ffi.new("uint32_t[]", self.descriptor.instances)
+        super().__init__(board, Gtag.RCPWM, Registers.width)
         self._period = self._clocks(50.0)
         self._instances = [Rcpwm(self, n) for n in range(self.descriptor.instances)]
         self._off()
-        self.cyclic(Registers.width.number, self._words, write=True, order=Order.GENERATORS)
+        self.join_cycle(Order.GENERATORS)
         board.on_restore(self._off)
         board.on_close(self._off, SafeOff.GENERATORS)
 
@@ -133,15 +131,6 @@ class Rcpwms(Instances[Rcpwm]):
     def longest(self) -> float:
         """Seconds of the longest pulse: 16 bits, and shorter than the repetition."""
         return min((Registers.width.periods.maximum + 1) * _STEP, self._period - 1) / self.clock
-
-    def update(self) -> None:
-        """Bring all widths into the words that the next exchange writes."""
-        for rcpwm in self._instances:
-            self._words[rcpwm.index] = rcpwm.word()
-
-    def write_now(self) -> None:
-        """Write all widths without waiting for the next exchange."""
-        self.board.write(self.address(Registers.width.number), list(self._words))
 
     def _off(self) -> None:
         for rcpwm in self._instances:

@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 from hostmot2 import errors
 from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
+from hostmot2.modules.instances import Instances
 from hostmot2.registers import Gtag, StepgenMode
 from hostmot2.registers import Stepgen as Registers
 
@@ -52,9 +53,9 @@ class Stepgen:
 
     def _configure(self) -> None:
         for name, register in _TIMES.items():
-            self._all.write(register.number, self.index, self._clocks[name])
+            self._all.write(register.number, self._clocks[name], self.index)
         self._all.write(
-            Registers.mode.number, self.index, int(self._mode) | Registers.mode.swap.put(self._swap)
+            Registers.mode.number, int(self._mode) | Registers.mode.swap.put(self._swap), self.index
         )
         pulse, pause = self._clocks["step_length"] + 1, self._clocks["step_space"] + 3
         self._state.max_step_rate = self._all.clock / (pulse + pause)
@@ -150,8 +151,8 @@ class Stepgen:
         if not 1 <= len(patterns) <= 16:
             raise ValueError(f"stepgen {self.index}: a table has 1 to 16 entries, not {len(patterns)}")
         for pattern in reversed(patterns):  # the hardware takes the last entry first
-            self._all.write(Registers.table_data.number, self.index, pattern)
-        self._all.write(Registers.table_length.number, self.index, len(patterns) - 1)
+            self._all.write(Registers.table_data.number, pattern, self.index)
+        self._all.write(Registers.table_length.number, len(patterns) - 1, self.index)
         self._mode = StepgenMode.TABLE
         self._configure()
 
@@ -202,7 +203,7 @@ class Stepgen:
     @enable.setter
     def enable(self, on: bool) -> None:
         if on:
-            self._all.claim(self.index)
+            self._all.drive(self.index, f"stepgen {self.index}")
             if not self._state.position_control:
                 self._state.position_command = self._state.position
             if not self._state.enable:
@@ -210,69 +211,43 @@ class Stepgen:
         self._state.enable = bool(on)
         if not on:
             with suppress(errors.WatchdogBite):  # then the pins are off already
-                self._all.write(Registers.rate.number, self.index, 0)
+                self._all.write(Registers.rate.number, 0, self.index)
 
     def __repr__(self) -> str:
         state = "on" if self.enable else "off"
         return f"<Stepgen {self.index} {state} position {self.position:g} velocity {self.velocity:g}>"
 
 
-class Stepgens(Sequence[Stepgen]):
+class Stepgens(Instances[Stepgen]):
     """The card's step generators. All stop, commands 0, when the board closes and after a watchdog bite."""
 
     def __init__(self, board: Board) -> None:
-        self._board = board
-        self._module = board.module(Gtag.STEPGEN)
-        self.clock, self.version = self._module.clock, self._module.version
-        count = self._module.instances
+        super().__init__(board, Gtag.STEPGEN)
+        self.version = self.descriptor.version
+        count = self.descriptor.instances
         self._states: Any = ffi.new("hm2_stepgen[]", count)
         self._words: Any = ffi.new("uint32_t[]", 2 * count)
         self._group: Any = ffi.new("hm2_stepgens *")
         self._group.stepgens, self._group.words, self._group.count = self._states, self._words, count
-        self._group.rate_address = self._module.register_address(Registers.rate.number)
-        self._group.accumulator_address = self._module.register_address(Registers.accumulator.number)
+        self._group.rate_address = self.address(Registers.rate.number)
+        self._group.accumulator_address = self.address(Registers.accumulator.number)
         self._stop()
-        self._stepgens = [Stepgen(self, n, self._states + n) for n in range(count)]
-        board.write(self._module.register_address(Registers.master_dds.number), _MASTER_DDS_FULL)
+        self._instances = [Stepgen(self, n, self._states + n) for n in range(count)]
+        self.write(Registers.master_dds.number, _MASTER_DDS_FULL)
         part = ffi.new("hm2_cyclic *")
         lib.hm2_stepgens_part(self._group, part)
         board.cycle.add(part, (self, part), Order.GENERATORS)
         board.on_restore(self._restore, SafeOff.GENERATORS)
         board.on_close(self._stop, SafeOff.GENERATORS)
 
-    def write(self, register: int, instance: int, word: int) -> None:
-        """Write one register of one instance."""
-        self._board.write(self._module.register_address(register, instance), word)
-
-    def claim(self, instance: int) -> None:
-        """Drive the pins of one instance; arms the watchdog first."""
-        self._board.cycle.arm_watchdog()
-        pins = [
-            p for p in self._board.pins if p.secondary_gtag == Gtag.STEPGEN and p.secondary_unit == instance
-        ]
-        self._board.ioport.claim(pins, f"stepgen {instance}")
-
     def _stop(self) -> None:
-        for n in range(self._module.instances):
+        for n in range(self.descriptor.instances):
             self._states[n].enable = self._states[n].velocity = self._states[n].rate = 0
-            self.write(Registers.rate.number, n, 0)
+            self.write(Registers.rate.number, 0, n)
 
     def _restore(self) -> None:
         self._stop()
-        for stepgen in self._stepgens:
+        for stepgen in self._instances:
             stepgen.velocity_command = 0.0  # what was wanted before a bite is not wanted by itself after it
             stepgen._configure()
-        self._board.write(self._module.register_address(Registers.master_dds.number), _MASTER_DDS_FULL)
-
-    def __len__(self) -> int:
-        return len(self._stepgens)
-
-    @overload
-    def __getitem__(self, index: int) -> Stepgen: ...
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[Stepgen]: ...
-    def __getitem__(self, index: int | slice) -> Stepgen | Sequence[Stepgen]:
-        return self._stepgens[index]
-
-    def __repr__(self) -> str:
-        return "\n".join(map(repr, self._stepgens))
+        self.write(Registers.master_dds.number, _MASTER_DDS_FULL)

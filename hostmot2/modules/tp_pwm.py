@@ -9,7 +9,7 @@ from hostmot2 import errors
 from hostmot2._core import ffi
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import Instances
+from hostmot2.modules.instances import CommandedInstances
 from hostmot2.registers import Gtag
 from hostmot2.registers import TpPwm as Registers
 
@@ -154,19 +154,18 @@ class TpPwm:
         return f"<TpPwm {self.index} {state} {self._values}>"
 
 
-class TpPwms(Instances[TpPwm]):
+class TpPwms(CommandedInstances[TpPwm]):
     """The card's three-phase PWMs. All off when the board closes and after a watchdog bite."""
 
     def __init__(self, board: Board) -> None:
-        super().__init__(board, Gtag.TP_PWM)
+        super().__init__(board, Gtag.TP_PWM, Registers.value)
         count = self.descriptor.instances
-        self._words: Any = ffi.new("uint32_t[]", count)
         self.status: Any = ffi.new("uint32_t[]", count)
         self._rate = self._rate_of(20000.0)
         self._instances = [TpPwm(self, n) for n in range(count)]
         self._off()
         self.cyclic(Registers.enable.number, self.status, write=False, order=Order.GENERATORS)
-        self.cyclic(Registers.value.number, self._words, write=True, order=Order.GENERATORS)
+        self.join_cycle(Order.GENERATORS)
         board.on_restore(self._off)
         board.on_close(self._off, SafeOff.GENERATORS)
 
@@ -212,11 +211,6 @@ class TpPwms(Instances[TpPwm]):
         """Write one setup register."""
         self.board.write(self._setup_address(tp_pwm.index), tp_pwm.setup_word())
 
-    def update(self) -> None:
-        """Bring all duties into the words that the next exchange writes."""
-        for tp_pwm in self._instances:
-            self._words[tp_pwm.index] = tp_pwm.word()
-
     def enable(self, tp_pwm: TpPwm) -> None:
         """Turn one bridge on. Raises FaultPresent."""
         register, index = Registers.enable, tp_pwm.index
@@ -244,7 +238,7 @@ class TpPwms(Instances[TpPwm]):
         for tp_pwm in self._instances:
             self.disable(tp_pwm)
             self.status[tp_pwm.index] = 0
-        self.board.write(self.address(Registers.value.number), list(self._words))
+        self.write_now()
         self.write(Registers.rate.number, self._rate)
         for tp_pwm in self._instances:
             self.configure(tp_pwm)
