@@ -148,4 +148,4 @@ def _efinix(header: dict[str, str], content: bytes, at: int) -> Bitfile:
 def check_part(image: Bitfile, part: str) -> None:
     """The image must be for `part`, or for one of several with bars between. Raises BitfileError."""
     if image.part not in part.split("|"):
-        raise BitfileError(f"the image is for {image.part}, the card has {part}. {BitfileError.fix}")
+        raise BitfileError(f"the image is for {image.part}, the card has {part}")

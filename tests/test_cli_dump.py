@@ -34,7 +34,7 @@ def test_dump_writes_a_file_that_opens_as_a_board(hm2, tmp_path: Path) -> None:
     assert file.read_text().startswith("# hm2dump 1\n# board: MESA7I76\n")
     info = json.loads(hm2("--board", f"dump://{file}", "--json", "info")[1])
     assert info["idrom"]["board_name"] == "MESA7I76"
-    assert hm2("--board", f"dump://{file}", "poke", "0x1000", "1", "--yes")[0] == 5
+    assert hm2("--board", f"dump://{file}", "poke", "0x1000", "1", "--yes")[0] == 2
 
 
 def test_dump_without_a_file_prints(hm2) -> None:

@@ -66,7 +66,7 @@ def test_flash_commands(hm2, server, tmp_path: Path):
     assert json.loads(hm2(*board, "info", "--json")[1])["boot_block_ok"] is True
     assert hm2(*board, "write", str(image))[0] == 2
     assert hm2(*board, "write", "--dry-run", str(image))[0] == 0
-    assert hm2(*board, "verify", str(image))[0] == 5
+    assert hm2(*board, "verify", str(image))[0] == 6
     assert hm2(*board, "write", "--yes", str(image))[0] == 0
     assert hm2(*board, "verify", str(image))[0] == 0
     status, _, _ = hm2(*board, "backup", "-o", str(tmp_path / "all.bin"))

@@ -5,18 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
-from hostmot2 import errors
+from hostmot2.cards.errors import CardFault
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
     from hostmot2.sserial import Channel, SserialPort
-
-
-class CardFault(errors.SserialError):
-    """A card reports a fault, so its outputs are not switched on."""
-
-    code = "HM2-E130"
-    fix = "Look at the card's fault, remove its cause, then stop() and start() the card."
 
 
 class RemoteCard:

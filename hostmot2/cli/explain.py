@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
-import pkgutil
-from collections.abc import Iterator
-
 import click
 
-import hostmot2
+from hostmot2.cli import catalogue
 from hostmot2.cli.session import Session, reports, rows
-from hostmot2.errors import HostMot2Error
+from hostmot2.errors.base import HostMot2Error, numbered
 from hostmot2.sserial import ChannelStatus
 
 
@@ -24,16 +19,20 @@ def explain(session: Session, what: str | None) -> None:
     Without an argument all codes are listed.
     """
     if what is None:
-        known = sorted(_errors(), key=lambda error: error.code)
-        document = [_document(error) for error in known]
-        lines = [(error.code, error.__name__, _first_line(error)) for error in known]
+        known = catalogue.all_errors()
+        document = [catalogue.document(error) for error in known]
+        lines = [(error.code, error.__name__, catalogue.meaning(error)) for error in known]
         session.report(document, rows(("code", "error", "meaning"), lines))
     elif what.upper().startswith("CS="):
         _explain_status(session, what[3:])
     else:
         found = _find(what)
         session.report(
-            _document(found), f"{found.code} {found.__name__}", inspect.getdoc(found) or "", found.fix
+            catalogue.document(found),
+            f"{found.code} {found.__name__}",
+            catalogue.meaning(found),
+            *numbered(found.causes),
+            found.fix,
         )
 
 
@@ -52,34 +51,7 @@ def _explain_status(session: Session, text: str) -> None:
 
 
 def _find(what: str) -> type[HostMot2Error]:
-    wanted = what.upper().removeprefix("HM2-")
-    for error in _errors():
-        if wanted in (error.code.removeprefix("HM2-"), error.__name__.upper()):
-            return error
-    raise click.UsageError(f"there is no error {what!r}; `hm2 explain` lists all")
-
-
-def _errors() -> Iterator[type[HostMot2Error]]:
-    """Every error that has a code of its own, those of parts not used yet included."""
-    for module in pkgutil.walk_packages(hostmot2.__path__, "hostmot2."):
-        if module.name.endswith(".errors"):
-            importlib.import_module(module.name)
-    waiting: list[type[HostMot2Error]] = [HostMot2Error]
-    while waiting:
-        error = waiting.pop()
-        waiting += error.__subclasses__()
-        if "code" in vars(error):
-            yield error
-
-
-def _first_line(error: type[HostMot2Error]) -> str:
-    return (inspect.getdoc(error) or "").partition("\n")[0]
-
-
-def _document(error: type[HostMot2Error]) -> dict[str, str]:
-    return {
-        "code": error.code,
-        "error": error.__name__,
-        "meaning": inspect.getdoc(error) or "",
-        "fix": error.fix,
-    }
+    found = catalogue.find(what)
+    if found is None:
+        raise click.UsageError(f"there is no error {what!r}; `hm2 explain` lists all")
+    return found

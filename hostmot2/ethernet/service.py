@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from hostmot2 import boards, errors, flash_layout, lbp16
-from hostmot2.errors import FirmwareTooOld, HostMot2Error, TransportError, TransportTimeout
+from hostmot2.errors import FirmwareTooOld, FlashError, TransportError, TransportTimeout
 from hostmot2.registers import Lbp16Board, Lbp16Control, Lbp16Eeprom, Lbp16Key, Lbp16Space, Lbp16Timer
 from hostmot2.transports.udp import UdpLink
 
@@ -138,19 +138,18 @@ class EthernetService:
     def reload(self, *, fallback: bool = False, timeout: float = RESTART_TIMEOUT) -> None:
         """Configure the FPGA anew from its flash (power-up state: all outputs off) and wait for the card.
 
-        Raises FirmwareTooOld before firmware 15, HostMot2Error for an unknown board, TransportTimeout when
+        Raises FirmwareTooOld before firmware 15, FlashError for an unknown board, TransportTimeout when
         the card does not come back.
         """
         facts = self.facts()
         if facts.firmware_version < RELOAD_FIRMWARE:
             raise FirmwareTooOld(
-                f"{facts.name}: firmware {facts.firmware_version} cannot reload, {RELOAD_FIRMWARE} can. "
-                f"{FirmwareTooOld.fix}",
+                f"{facts.name}: firmware {facts.firmware_version} cannot reload, {RELOAD_FIRMWARE} can",
                 expected=RELOAD_FIRMWARE,
                 received=facts.firmware_version,
             )
         if facts.part is None:
-            raise HostMot2Error(f"{facts.name} is not known: how its FPGA reloads is not either")
+            raise FlashError(f"{facts.name} is not known: how its FPGA reloads is not either")
         words = (
             flash_layout.efinix_reload_words(fallback)
             if is_efinix(facts.part)

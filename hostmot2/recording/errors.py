@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from hostmot2.errors import HostMot2Error
 
 
@@ -9,12 +11,19 @@ class RecordingError(HostMot2Error):
     """A recording could not be written or read."""
 
     code = "HM2-E110"
+    causes: Sequence[str] = ("the recorder was used out of turn, or its source ended",)
+    fix = "Read the message; a recording is started once, and closed before it is read."
 
 
 class BrokenRecording(RecordingError):
     """A file that is no recording of this package, or one cut off before its description was complete."""
 
     code = "HM2-E111"
+    causes = (
+        "a file of another program",
+        "the recorder was killed before its first second was over",
+        "the file was cut off or damaged on its way here",
+    )
     fix = "A recording is an MCAP file with the topic /hm2/records, as `hm2 record` writes it."
 
 
@@ -22,6 +31,10 @@ class RecordingTooLarge(RecordingError):
     """A file that holds more than the reader was told to accept."""
 
     code = "HM2-E112"
+    causes = (
+        "a long recording",
+        "a damaged file that claims to hold more than it does",
+    )
     fix = "Give `read` a larger `limit` if you trust the file."
 
 
@@ -29,4 +42,8 @@ class RecordingFailed(RecordingError):
     """The writer had to stop (disk full, for instance); what had been written until then is in the file."""
 
     code = "HM2-E113"
+    causes = (
+        "the disk is full",
+        "the directory is gone, or may not be written",
+    )
     fix = "Free space on the disk or record elsewhere; the file reads up to where it ends."

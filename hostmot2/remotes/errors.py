@@ -16,7 +16,14 @@ class BrokenTable(SserialError):
     """
 
     code = "HM2-E023"
-    fix = "The channel stays stopped, others work. Update the remote's firmware."
+    causes = (
+        "the remote's firmware is faulty, or an own build of a remote",
+        "the table was read while its memory was changing",
+    )
+    fix = (
+        "The channel stays stopped, others work. Update the remote's firmware; `hm2 -v` and a report help"
+        " to tell which entry is wrong."
+    )
 
     channel = 0
     table = ""
@@ -28,18 +35,36 @@ class UnsupportedRemote(SserialError):
     """A remote that neither describes itself nor is known by its name."""
 
     code = "HM2-E024"
+    causes = (
+        "a remote from before process data could be discovered, other than 8I20 and 7I64",
+        "the tables exist in another software mode only",
+        "an update of its firmware was broken off",
+    )
+    fix = "Update the remote's firmware, or write its facts down as a card model of your own."
 
 
 class VerifyFailed(SserialError):
     """A parameter reads back differently from what was written. expected, received."""
 
     code = "HM2-E029"
+    causes = (
+        "the parameter is set by the remote itself",
+        "the value is limited or rounded by the remote",
+        "noise on the line",
+    )
+    fix = "Read the parameter again; a value that the remote limits is best written as it reads."
 
 
 class WrongBackup(SserialError):
     """A backup of parameters that is broken, or of another remote. Nothing was written."""
 
     code = "HM2-E032"
+    causes = (
+        "the file is of another remote, or of another unit of the same kind",
+        "it was edited, and a name or value is no longer one",
+        "it is no backup",
+    )
+    fix = "Nothing was written. `hm2 param diff FILE` compares; --other-unit lets a file of another unit in."
 
 
 TABLE_NAMES = {"ptoc": "PTOC", "gtoc": "GTOC"}

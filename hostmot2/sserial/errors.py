@@ -30,7 +30,15 @@ class CommandHung(SserialError, TimeoutError):
     """
 
     code = "HM2-E030"
-    fix = "Start the channels again; a remote that stays busy during its start causes this, too."
+    causes = (
+        "a remote that stays busy while it clears its faults: the start then waits for ever",
+        "another program wrote the command register at the same time",
+        "the processor of the port was stopped or its ROM overwritten",
+    )
+    fix = (
+        "Start the channels again, those with a fault alone; `hm2 sserial status` shows where each of "
+        "them stands."
+    )
 
     detail = 0
 
@@ -39,6 +47,18 @@ class NoRemote(SserialError):
     """No remote answered where one was asked for. channels: what each channel showed."""
 
     code = "HM2-E021"
+    causes = (
+        "the remote is unpowered: field power, logic supply",
+        "5 V does not reach it: cable power jumpers on both cards",
+        "the cable: not wired alike at both ends (T568B), or pairs swapped",
+        "RX and TX exchanged, or a pair's polarity",
+        "the remote's set-up jumper is in place (115200 baud)",
+        "the bitfile has this channel on other pins",
+    )
+    fix = (
+        "Go through the causes in this order, then `hm2 sserial scan` again: it names the card's own "
+        "terminals where it can."
+    )
 
     channels: tuple[Any, ...] = ()
 
@@ -47,13 +67,25 @@ class RemoteSilent(SserialError, TimeoutError):
     """A remote did not answer an access, or not with a valid checksum. index: channel, received: CS."""
 
     code = "HM2-E022"
-    fix = "A wrong address is not answered either. Check the cable if others fail, too."
+    causes = (
+        "the address does not exist in this remote: a wrong one is not answered either",
+        "the cable, if other accesses fail, too",
+        "the remote was powered off or restarted",
+    )
+    fix = (
+        "Try an address that is known (`hm2 param list`); check the cable and the counters if others "
+        "fail, too."
+    )
 
 
 class PortRunning(SserialError):
     """Remote memory and discovery need setup mode, which would end the process data of running channels."""
 
     code = "HM2-E025"
+    causes = (
+        "channels of the port move process data: outputs are live",
+        "they were started in the other mode",
+    )
     fix = "stop() the port first; its outputs go off."
 
 
@@ -61,6 +93,11 @@ class NotStarted(SserialError):
     """The operation needs a started channel."""
 
     code = "HM2-E026"
+    causes = (
+        "start() was not called, or stop() was",
+        "start() did not bring the channel up: its result was not looked at",
+        "a hung command stopped all channels",
+    )
     fix = "start(mask) tells which channels started, and why others did not."
 
 
@@ -68,6 +105,10 @@ class NoFirmware(SserialError):
     """The SSERIAL processor does not answer as SSLBP does."""
 
     code = "HM2-E027"
+    causes = (
+        "the bitfile has the smart-serial module without its program",
+        "the program memory was overwritten by a write to the command register",
+    )
     fix = "Load a bitfile with SSLBP firmware; power-cycle the card if its ROM was overwritten."
 
 
@@ -75,6 +116,7 @@ class NotDiscovered(SserialError):
     """The elements of a channel are not known, because it was started while others ran."""
 
     code = "HM2-E028"
+    causes = ("the channel was started while others ran, and looking at it would have stopped them",)
     fix = "stop() the port, then scan() or start() again."
 
 

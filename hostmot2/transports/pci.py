@@ -110,9 +110,8 @@ def _enable(card: PciCard) -> Callable[[], None]:
     except PermissionError as error:
         if _decodes_memory(card):
             return lambda: None  # somebody with more rights, such as our udev rule, has done it
-        kind = errors.PermissionDenied
-        raise kind(
-            f"{enable}: memory decoding of {card.model} is off and this user may not switch it on. {kind.fix}"
+        raise errors.PermissionDenied(
+            f"{enable}: memory decoding of {card.model} is off and this user may not switch it on"
         ) from error
     except OSError as error:
         raise errors.TransportError(f"{enable}: {error.strerror}", os_errno=error.errno) from error
@@ -142,9 +141,8 @@ def _set_command_memory(card: PciCard) -> None:
             config.seek(_COMMAND)
             config.write((command | _COMMAND_MEMORY).to_bytes(2, "little"))
     except PermissionError as error:
-        kind = errors.PermissionDenied
-        raise kind(
-            f"{path}: memory decoding is off and this user may not switch it on. {kind.fix}"
+        raise errors.PermissionDenied(
+            f"{path}: memory decoding is off and this user may not switch it on"
         ) from error
 
 
@@ -166,6 +164,6 @@ def map_file(path: str) -> object:
         kind, text = _REFUSALS[error.detail]
         facts = errors.evidence(error)
         message = text.format(reason=os.strerror(error.os_errno), **facts)
-        raise kind(f"{path}: {message}. {kind.fix}".strip(), **facts)
+        raise kind(f"{path}: {message}", **facts)
     errors.check(status, error)
     return bus

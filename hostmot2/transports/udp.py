@@ -58,7 +58,7 @@ class UdpLink:
         try:
             self.address = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)[0][4][0]
         except socket.gaierror as error:
-            raise errors.CardNotFound(f"{host}: {error.strerror}. {errors.CardNotFound.fix}") from error
+            raise errors.CardNotFound(f"{host}: {error.strerror}") from error
         config: Any = ffi.new("hm2_udp_config *")
         lib.hm2_udp_defaults(config)
         config.spin_ns = spin_us * 1000
@@ -87,9 +87,7 @@ class UdpLink:
                 f"udp://{self.host}:{self.port}: {reason}", os_errno=int(self._error.os_errno)
             )
         if status == lib.HM2_ERR_TIMEOUT:
-            raise errors.TransportTimeout(
-                f"udp://{self.host}:{self.port}: no answer. {errors.TransportTimeout.fix}"
-            )
+            raise errors.TransportTimeout(f"udp://{self.host}:{self.port}: no answer")
         errors.check(status, self._error)
 
     def exchange(self, commands: bytes, timeout: float | None = None) -> bytes:
@@ -162,8 +160,7 @@ def open_transport(url: str) -> Transport:
         name, version = _identify(link)
         if version < LBP_VERSION:
             raise errors.FirmwareTooOld(
-                f"{url}: {name} speaks LBP16 version {version}, {LBP_VERSION} is needed. "
-                f"{errors.FirmwareTooOld.fix}",
+                f"{url}: {name} speaks LBP16 version {version}, {LBP_VERSION} is needed",
                 expected=LBP_VERSION,
                 received=version,
             )

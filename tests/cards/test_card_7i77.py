@@ -9,7 +9,7 @@ import pytest
 
 import hostmot2
 from hostmot2 import errors
-from hostmot2.cards.remote_card import CardFault
+from hostmot2.cards.errors import CardFault
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.described import DescribedRemote
 from hostmot2.emulator.plant import couple_dc_motor

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import hostmot2
-from hostmot2.cards.remote_card import CardFault
+from hostmot2.cards.errors import CardFault
 from hostmot2.emulator import catalog
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.plant import couple_pm_motor
