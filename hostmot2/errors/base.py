@@ -57,15 +57,19 @@ class HostMot2Error(Exception):
         return str(self.args[0]) if self.args else type(self).__name__
 
     def numbers(self) -> str:
-        """The evidence that is numbers, in words: "at 0x0100, expected 0x55AACAFE, received 0"."""
+        """The evidence that is numbers, in words: "at 0x0100, expected 0x55AACAFE, received 0".
+
+        The C core has zeros where it has nothing to say: two that are compared and both 0 are left out.
+        """
         words = []
-        if self.address is not None:
+        if self.address:
             words.append(f"at 0x{self.address:04X}")
         if self.index is not None:
             words.append(f"number {self.index}")
-        if self.expected is not None:
+        compared = self.expected or self.received
+        if self.expected is not None and compared:
             words.append(f"expected {_number(self.expected)}")
-        if self.received is not None:
+        if self.received is not None and compared:
             words.append(f"received {_number(self.received)}")
         if self.os_errno:
             words.append(f"errno {self.os_errno} ({os.strerror(self.os_errno)})")

@@ -64,12 +64,11 @@ def text(c_text: Any) -> str:
 
 
 def evidence(error: Any) -> dict[str, Any]:
-    """What a hm2_error holds, as the keyword arguments of an exception; nothing for what it does not hold."""
-    compared = error.expected or error.received
+    """What a hm2_error holds, as the keyword arguments of an exception."""
     return {
-        "address": error.address or None,
+        "address": error.address,
         "index": None if error.index < 0 else error.index,
-        "expected": error.expected if compared else None,
-        "received": error.received if compared else None,
+        "expected": error.expected,
+        "received": error.received,
         "os_errno": error.os_errno or None,
     }
