@@ -14,6 +14,7 @@ from typing import Any, Self
 from hostmot2 import errors, exits
 from hostmot2._core import ffi, lib
 from hostmot2.boards import BoardFacts
+from hostmot2.handles import own
 from hostmot2.idrom import Idrom, ModuleDescriptor, PinDescriptor
 from hostmot2.inventory import Inventory, read_inventory
 from hostmot2.parts import PARTS
@@ -75,7 +76,7 @@ class Board:
         self._error = errors.new_error()
         handle = ffi.new("struct hm2_board **")
         errors.check(lib.hm2_board_open(transport.bus, handle, self._error), self._error)
-        self._handle = ffi.gc(handle[0], lib.hm2_board_free)
+        self._handle, self._kept = own(handle[0], lib.hm2_board_free)
         if self.read_only:
             lib.hm2_board_set_read_only(self._handle)
         self._closed = False

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from hostmot2 import errors
 from hostmot2._core import ffi, lib
+from hostmot2.handles import own
 from hostmot2.registers import Gtag
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class Cycle:
         if self._handle is None:
             handle: Any = ffi.new("struct hm2_cycle **")
             errors.check(lib.hm2_cycle_new(self._board.handle, handle, self._error), self._error)
-            built = ffi.gc(handle[0], lib.hm2_cycle_free)
+            built, self._kept = own(handle[0], lib.hm2_cycle_free)
             for _, _, part, _ in sorted(self._parts, key=lambda entry: entry[:2]):
                 errors.check(lib.hm2_cycle_add(built, part, self._error), self._error)
             self._handle = built

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from hostmot2._core import ffi, lib
 from hostmot2.errors import check, new_error
+from hostmot2.handles import own
 
 STAGES = ("wake", "request", "reply", "unpack", "control", "pack", "write")
 """The stages of a cycle, in order; `stage_ns` of a record is indexed by them."""
@@ -72,7 +73,7 @@ class RecordRing:
         error = new_error()
         handle = ffi.new("struct hm2_record_ring **")
         check(lib.hm2_record_ring_new(slots, dtype.itemsize, handle, error), error)
-        self.handle: Any = ffi.gc(handle[0], lib.hm2_record_ring_free)
+        self.handle, self._kept = own(handle[0], lib.hm2_record_ring_free)
 
     def push(self, record: npt.NDArray[Any]) -> bool:
         """Put one record in; False: no room, counted as dropped."""

@@ -22,6 +22,7 @@ from hostmot2.emulator.stimulus import (
     EmulatedUart,
 )
 from hostmot2.errors import check, new_error
+from hostmot2.handles import own
 
 Stimulus = TypeVar("Stimulus")
 
@@ -92,7 +93,7 @@ class EmulatedBoard:
             lib.hm2_emulator_new(ffi.new("uint32_t[]", words), len(words), options, out, self._error),
             self._error,
         )
-        self._handle = ffi.gc(out[0], lib.hm2_emulator_free)
+        self._handle, self._hidden = own(out[0], lib.hm2_emulator_free)
         self._closed = False
         self._bus: Any = None
         self._plugged: set[int] = set()

@@ -17,6 +17,7 @@ from typing import Any, Final, Protocol, Self
 from hostmot2 import flash_layout
 from hostmot2._core import ffi, lib
 from hostmot2.errors import TransportClosed, check, new_error
+from hostmot2.handles import own
 
 log = logging.getLogger(__name__)
 
@@ -320,7 +321,7 @@ class EthernetServer:
         out: Any = ffi.new("struct hm2_ethernet_server **")
         address = "127.0.0.1" if host == "localhost" else host
         check(lib.hm2_ethernet_server_open(self.card.handle, address.encode(), port, out, error), error)
-        self._server = ffi.gc(out[0], lib.hm2_ethernet_server_free)
+        self._server, self._kept = own(out[0], lib.hm2_ethernet_server_free)
         self.port = int(lib.hm2_ethernet_server_port(self._server))
         if not self.is_loopback:
             log.warning("emulated card on %s:%d can be driven from the network", host, self.port)

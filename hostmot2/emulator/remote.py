@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from hostmot2._core import ffi, lib
+from hostmot2.handles import own
 
 MODELS = {None: lib.HM2_REMOTE_GENERIC, "8i20": lib.HM2_REMOTE_8I20, "7i64": lib.HM2_REMOTE_7I64}
 """Remotes that predate discovery have a process answer of their own and no BB RPC."""
@@ -94,7 +95,7 @@ class EmulatedRemote:
         handle = lib.hm2_remote_new()
         if handle == ffi.NULL:
             raise MemoryError("emulated remote")
-        self._remote = ffi.gc(handle, lib.hm2_remote_free)
+        self._remote, self._kept = own(handle, lib.hm2_remote_free)
         self.model = model
         old = model is not None
         self.name = name

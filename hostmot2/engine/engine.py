@@ -24,6 +24,7 @@ from hostmot2.engine.options import Options, new_config, warn_of
 from hostmot2.engine.restart import Restarter
 from hostmot2.engine.signals import Commands, Names, Readings, Signal
 from hostmot2.errors import EngineError, check, new_error
+from hostmot2.handles import own
 from hostmot2.histogram import Histogram
 from hostmot2.record_ring import STAGES, RecordRing, record_dtype
 from hostmot2.registers import Gtag
@@ -265,7 +266,7 @@ class Engine:
         check(status, self._error)
         # the engine works on all of this for as long as it lives
         self._keep = (cycle, self._ports, self._controls, self._ring, self._config)
-        self.handle = ffi.gc(handle[0], lib.hm2_engine_free)
+        self.handle, self._kept = own(handle[0], lib.hm2_engine_free)
         for port in self._ports:
             check(lib.hm2_engine_add_port(self.handle, port.port._core.handle, self._error), self._error)
         for control in self._controls:

@@ -13,6 +13,7 @@ import numpy as np
 from hostmot2._core import ffi, lib
 from hostmot2.cycle import Cycle, Order
 from hostmot2.errors import check, new_error
+from hostmot2.handles import own
 from hostmot2.layout import Layout
 from hostmot2.process_data import ProcessData, Words
 from hostmot2.registers import SslbpChannel, SslbpLocal
@@ -61,7 +62,7 @@ class Core:
         config = ffi.new("hm2_sserial_config *", (base, *strides, instance, self.channels, registers))
         handle = ffi.new("struct hm2_sserial **")
         check(lib.hm2_sserial_open(board, config, handle, self.error), self.error)
-        self.handle = ffi.gc(handle[0], lib.hm2_sserial_free)
+        self.handle, self._kept = own(handle[0], lib.hm2_sserial_free)
         self._image = lib.hm2_sserial_get_image(self.handle)
         self._data: ProcessData | None = None
 
