@@ -1,4 +1,4 @@
-"""The stand-in remotes of the recordings (tests/golden), built and steered as their `set` lines say."""
+"""The stand-in remotes of the recordings (tests/golden/sserial), built and steered as their `set` lines say."""
 
 import json
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 from hostmot2.emulator import EmulatedRemote
 
-GOLDEN = Path(__file__).parent / "golden"
+GOLDEN = Path(__file__).parent / "golden" / "sserial"
 SECOND_SET = ("s1_8i20_run", "w1_counters", "y5_7i77_bringup")
 MODELS = {0: None, 1: "8i20", 2: "7i64"}
 

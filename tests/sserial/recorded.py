@@ -1,4 +1,4 @@
-"""The real firmware's recorded answers (tests/golden) behind a bus, and the C port that drives it.
+"""The real firmware's recorded answers (tests/golden/sserial) behind a bus, and the C port that drives it.
 
 A recording is a list of commands with the registers written before and read after each. `Recorded` serves
 one command after the other: COMMAND stays busy as long as it did, then the registers read as they did. It
@@ -13,7 +13,7 @@ from typing import Any
 from hostmot2._core import ffi, lib
 from hostmot2.errors import new_error
 
-GOLDEN = Path(__file__).parent.parent / "golden"
+GOLDEN = Path(__file__).parent.parent / "golden" / "sserial"
 BASE, REGISTER, INSTANCE = 0x5A00, 0x100, 0x40
 ROWS = {"command": 0, "data": 1, "cs": 2, "if0": 3, "if1": 4, "if2": 5}
 NAMES = {number: name for name, number in ROWS.items()}
