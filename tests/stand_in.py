@@ -1,4 +1,4 @@
-"""The stand-in remotes of the recordings (tests/golden/sserial), built and steered as their `set` lines say."""
+"""The stand-in remotes of the recordings, built and steered as their `set` lines say."""
 
 import json
 from pathlib import Path

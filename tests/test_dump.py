@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -30,8 +32,24 @@ class Listening:
         self.board.read_words = read_words  # type: ignore[method-assign]
 
 
-def test_reads_with_side_effects_are_left_out_and_said_so() -> None:
-    card = Listening("7i76e")
+Listen = Callable[[str], Listening]
+
+
+@pytest.fixture
+def listen() -> Iterator[Listen]:
+    """Opens boards for a test and closes them behind it."""
+    with ExitStack() as stack:
+
+        def listen(spec: str) -> Listening:
+            listening = Listening(spec)
+            stack.callback(listening.board.close)
+            return listening
+
+        yield listen
+
+
+def test_reads_with_side_effects_are_left_out_and_said_so(listen: Listen) -> None:
+    card = listen("7i76e")
     taken = dump.take(card.board)
     assert 0x7600 not in card.read_addresses
     assert 0x7600 not in taken.words
@@ -39,40 +57,40 @@ def test_reads_with_side_effects_are_left_out_and_said_so() -> None:
     assert "7600 --------  dpll sync: " in dump.to_text(taken)
 
 
-def test_reads_with_side_effects_happen_when_asked_for() -> None:
-    card = Listening("7i76e")
+def test_reads_with_side_effects_happen_when_asked_for(listen: Listen) -> None:
+    card = listen("7i76e")
     taken = dump.take(card.board, side_effects=True)
     assert 0x7600 in card.read_addresses
     assert 0x7600 in taken.words
     assert not taken.omitted
 
 
-def test_registers_that_can_only_be_written_are_not_in_a_dump() -> None:
-    taken = dump.take(Listening("5i25+7i77").board)
+def test_registers_that_can_only_be_written_are_not_in_a_dump(listen: Listen) -> None:
+    taken = dump.take(listen("5i25+7i77").board)
     assert {0x1000, 0x1004, 0x1100, 0x0C00, 0x5A00, 0x5B00, 0x5C00, 0x5C08, 0x3514} <= set(taken.words)
     for write_only in (0x0200, 0x0E00, 0x1200, 0x1300, 0x1400, 0x3900):
         assert write_only not in taken.words
 
 
-def test_a_dump_holds_the_idrom_as_it_is() -> None:
-    taken = dump.take(Listening("5i25+7i77x2").board)
+def test_a_dump_holds_the_idrom_as_it_is(listen: Listen) -> None:
+    taken = dump.take(listen("5i25+7i77x2").board)
     for line in (GOLDEN / "idrom_5i25_7i77x2.hex").read_text().splitlines():
         address, word = (int(field, 16) for field in line.split())
         if address < 0x400 + 448 + 4 * 34:
             assert taken.words[address] == word
 
 
-def test_a_dump_survives_its_file(tmp_path: Path) -> None:
-    taken = dump.take(Listening("7i76e").board)
+def test_a_dump_survives_its_file(listen: Listen, tmp_path: Path) -> None:
+    taken = dump.take(listen("7i76e").board)
     dump.save(taken, tmp_path / "board.hm2dump")
     again = dump.load(tmp_path / "board.hm2dump")
     assert again == taken
     assert again.facts["board"] == "MESA7I76"
 
 
-def test_a_dump_opens_as_a_board_that_can_only_be_read(tmp_path: Path) -> None:
+def test_a_dump_opens_as_a_board_that_can_only_be_read(listen: Listen, tmp_path: Path) -> None:
     path = tmp_path / "board.hm2dump"
-    original = Listening("7i76e").board
+    original = listen("7i76e").board
     dump.save(dump.take(original), path)
     with hostmot2.open(f"dump://{path}") as board:
         assert board.read_only
@@ -88,16 +106,18 @@ def test_a_dump_opens_as_a_board_that_can_only_be_read(tmp_path: Path) -> None:
         assert dump.compare(dump.take(board), dump.load(path)) == []
 
 
-def test_a_dump_beside_the_working_directory_opens(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    dump.save(dump.take(Listening("5i25+7i77").board), tmp_path / "board.hm2dump")
+def test_a_dump_beside_the_working_directory_opens(
+    listen: Listen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dump.save(dump.take(listen("5i25+7i77").board), tmp_path / "board.hm2dump")
     monkeypatch.chdir(tmp_path)
     with hostmot2.open("dump://board.hm2dump") as board:
         assert board.name == "5I25"
 
 
-def test_a_dump_becomes_an_emulated_card(tmp_path: Path) -> None:
+def test_a_dump_becomes_an_emulated_card(listen: Listen, tmp_path: Path) -> None:
     path = tmp_path / "board.hm2dump"
-    original = Listening("5i25+7i77x2").board
+    original = listen("5i25+7i77x2").board
     dump.save(dump.take(original), path)
     with hostmot2.open(f"emu://{path}?clock=virtual") as board:
         assert (board.idrom, board.modules, board.pins) == (original.idrom, original.modules, original.pins)
@@ -114,10 +134,10 @@ def test_a_published_idrom_listing_is_a_dump() -> None:
 
 
 def test_differences_are_named() -> None:
-    board = hostmot2.open("emu://5i25+7i77?clock=virtual")
-    before = dump.take(board)
-    board.write(0x1104, 0x3)
-    found = {each.address: each for each in dump.compare(before, dump.take(board))}
+    with hostmot2.open("emu://5i25+7i77?clock=virtual") as board:
+        before = dump.take(board)
+        board.write(0x1104, 0x3)
+        found = {each.address: each for each in dump.compare(before, dump.take(board))}
     assert found[0x1104] == dump.Difference(0x1104, "ioport 1 ddr", 0, 3)
     assert set(found) == {0x1004, 0x1104}  # and the pads that are driven now
 

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import pytest
 
@@ -76,7 +77,8 @@ def bench() -> Iterator[Bench]:
         yield bench
 
 
-def drive(bench: Bench, end: str) -> subprocess.Popen[bytes]:
+@contextmanager
+def drive(bench: Bench, end: str) -> Iterator[subprocess.Popen[bytes]]:
     """A process that has been driving the motor for a while.
 
     On a busy machine it may stall for longer than the watchdog allows before it is that far, which is what
@@ -84,40 +86,35 @@ def drive(bench: Bench, end: str) -> subprocess.Popen[bytes]:
     """
     script = DRIVER.replace("{end}", end)
     for _ in range(TRIES):
-        process = subprocess.Popen(
+        with subprocess.Popen(
             [sys.executable, "-c", script, bench.server.url],
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-        )
-        assert process.stdout is not None
-        if process.stdout.readline() == b"driving\n":
-            return process
-        process.wait(PATIENCE)
+        ) as process:
+            assert process.stdout is not None
+            if process.stdout.readline() == b"driving\n":
+                try:
+                    yield process
+                finally:
+                    process.send_signal(signal.SIGKILL)
+                return
     pytest.skip(f"this machine stalls for more than {WATCHDOG} s again and again")
 
 
 @pytest.mark.parametrize("end", list(ENDS))
 def test_the_amplifier_is_off_within_the_watchdogs_time(bench: Bench, end: str) -> None:
-    process = drive(bench, ENDS[end])
-    try:
+    with drive(bench, ENDS[end]) as process:
         if end != "standing still":
             process.wait(PATIENCE)
         # whatever the machine was doing, the card's own clock has gone on for the watchdog's time by now
         time.sleep(2 * WATCHDOG)
         assert bench.torque() == 0.0
         assert bench.speed() != 0.0, "it had been turning, and runs out"
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait(PATIENCE)
 
 
 def test_a_pulled_cable_stops_it_too(bench: Bench) -> None:
-    process = drive(bench, "pass")
-    try:
+    with drive(bench, "pass"):
         bench.server.set_fault("loss=100%")
         time.sleep(2 * WATCHDOG)
         assert bench.torque() == 0.0
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait(PATIENCE)
