@@ -38,6 +38,7 @@ bench: $(EXT) $(VENV)/ready-dev
 docs: $(EXT) $(VENV)/ready-dev
 	@$(PY) registers/generate.py --check
 	@$(PY) docs/generate_capabilities.py --check
+	@$(PY) docs/generate_errors.py --check
 	@$(PY) -m mkdocs build -q --strict
 
 # Debian's mesaflash and LinuxCNC against the emulated card; needs root, works in network namespaces of its own

@@ -46,8 +46,9 @@ def test_no_function_and_no_file_is_too_long() -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_table_of_capabilities_names_what_exists() -> None:
-    command = [sys.executable, "docs/generate_capabilities.py", "--check"]
+@pytest.mark.parametrize("generator", ["capabilities", "errors"])
+def test_generated_pages_are_up_to_date(generator: str) -> None:
+    command = [sys.executable, f"docs/generate_{generator}.py", "--check"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 

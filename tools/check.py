@@ -243,7 +243,7 @@ def editable_install() -> str:
 def types() -> str:
     """mypy --strict."""
     run(PYTHON, "-m", "mypy", "--strict", "registers/generate.py")
-    run(PYTHON, "-m", "mypy", "--strict", "docs/generate_capabilities.py")
+    run(PYTHON, "-m", "mypy", "--strict", "docs/generate_capabilities.py", "docs/generate_errors.py")
     run(PYTHON, "-m", "mypy", "--strict", "tools/check.py", "tools/sizes.py")
     return last_line(run(PYTHON, "-m", "mypy"))
 
@@ -277,6 +277,13 @@ def registers() -> str:
 def capabilities() -> str:
     """The table of capabilities names what exists and is up to date."""
     run(PYTHON, "docs/generate_capabilities.py", "--check")
+    return "no drift"
+
+
+@step
+def error_pages() -> str:
+    """The pages of docs/reference/errors say what the classes say."""
+    run(PYTHON, "docs/generate_errors.py", "--check")
     return "no drift"
 
 

@@ -3,22 +3,40 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import inspect
-import pkgutil
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import hostmot2
 from hostmot2.cli import failure
 from hostmot2.errors import NUMBERS, HostMot2Error
 
+_PACKAGE = Path(hostmot2.__path__[0])
+
 
 def all_errors() -> list[type[HostMot2Error]]:
     """Every error of the package by its code, those of parts not used yet included."""
-    for module in pkgutil.walk_packages(hostmot2.__path__, "hostmot2."):
-        if module.name.endswith(".errors"):
-            importlib.import_module(module.name)
+    for path in sorted(_PACKAGE.rglob("errors.py")):
+        _load(path)
     ours = (kind for kind in _with_subclasses(HostMot2Error) if kind.__module__.startswith("hostmot2."))
     return sorted(ours, key=lambda kind: kind.code)
+
+
+def _load(path: Path) -> None:
+    """Import a module of errors, also where the package around it needs what is not installed."""
+    name = ".".join(("hostmot2", *path.relative_to(_PACKAGE).with_suffix("").parts))
+    try:
+        importlib.import_module(name)
+    except ImportError:
+        if name in sys.modules:
+            return
+        spec = importlib.util.spec_from_file_location(name, path)
+        assert spec is not None
+        assert spec.loader is not None
+        sys.modules[name] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
 
 
 def _with_subclasses(kind: type[HostMot2Error]) -> Iterator[type[HostMot2Error]]:
@@ -58,6 +76,11 @@ def bases(kind: type[HostMot2Error]) -> list[str]:
     return [base.__name__ for base in kind.__mro__[1:] if base not in (object, BaseException, Exception)]
 
 
+def exit_meaning(kind: type[HostMot2Error]) -> str:
+    """What the process's status for this error stands for."""
+    return failure.EXIT_CODES[failure.exit_code_of(kind)]
+
+
 def document(kind: type[HostMot2Error]) -> dict[str, object]:
     """Everything about an error, as JSON takes it."""
     return {
@@ -70,3 +93,13 @@ def document(kind: type[HostMot2Error]) -> dict[str, object]:
         "also": bases(kind),
         "exit_code": failure.exit_code_of(kind),
     }
+
+
+def public_module(kind: type[HostMot2Error]) -> str:
+    """Where to import the class from: the package that re-exports it, else its own module."""
+    package = kind.__module__.rpartition(".")[0]
+    while package in sys.modules:
+        if getattr(sys.modules[package], kind.__name__, None) is kind:
+            return package
+        package = package.rpartition(".")[0] if package.endswith(".errors") else ""
+    return kind.__module__

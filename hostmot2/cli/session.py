@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -54,6 +55,11 @@ class Session:
                 console.print(item)
             else:
                 click.echo(item)
+
+
+def text_width() -> int:
+    """Columns to wrap text to: the terminal's, and not more than is read well."""
+    return min(shutil.get_terminal_size().columns, 110) if sys.stdout.isatty() else 110
 
 
 def _console() -> Console:

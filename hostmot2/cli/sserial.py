@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hostmot2.cli import failure
-from hostmot2.cli.session import MASK, Session, reports, rows
+from hostmot2.cli.session import MASK, Session, reports, rows, text_width
+from hostmot2.sserial.checklist import advise
+from hostmot2.sserial.results import HEADER as RESULT_HEADER
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
@@ -18,8 +20,6 @@ if TYPE_CHECKING:
 
 PERIOD_S = 0.005
 """Of the exchanges of `start --run`: well within the remotes' watchdogs, 40 ms and more."""
-
-EVIDENCE_HEADER = ("channel", "name", "unit", "result", "CS", "counted")
 
 port_option = click.option(
     "--port", "number", type=click.IntRange(0, 3), default=0, show_default=True, help="SSERIAL instance."
@@ -48,6 +48,11 @@ def _evidence(row: ChannelEvidence) -> dict[str, Any]:
         "channel": row.channel,
         "name": row.name,
         "unit_number": row.unit_number,
+        "place": {
+            "connector": row.place.connector or None,
+            "card": row.place.card.name if row.place.card else None,
+            "remote": row.place.remote.what if row.place.remote else None,
+        },
         "found": row.found,
         "started": row.started,
         "result": row.reason,
@@ -60,13 +65,21 @@ def _evidence(row: ChannelEvidence) -> dict[str, Any]:
 @port_option
 @reports
 def scan(session: Session, number: int) -> None:
-    """Look at every channel: who answers, and why one cannot be used."""
+    """Look at every channel: who answers, and why one cannot be used.
+
+    Where a remote should have answered, what to check follows, in the order in which it is likely: that
+    depends on which of a card's remotes did answer. A remote whose set-up jumper is in place is found, too.
+    """
     with _port(session, number) as (_, port):
-        found = port.scan()
-        document = [
-            _evidence(row) | {"elements": row.elements, "parameters": row.parameters} for row in found
-        ]
-    session.report(document, rows(EVIDENCE_HEADER, [row.row() for row in found]))
+        found = port.scan(setup_rate=True)
+    document = [
+        _evidence(row)
+        | {"elements": row.elements, "parameters": row.parameters}
+        | {"checks": list(advise([row], found).checks) if row in found.wrong else []}
+        for row in found
+    ]
+    table = rows(RESULT_HEADER, [row.row() for row in found])
+    session.report(document, table, *found.advice.lines(text_width()))
 
 
 @sserial.command()

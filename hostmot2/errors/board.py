@@ -67,7 +67,10 @@ class WatchdogBite(BoardError):
 
 
 class FaultPresent(BoardError):
-    """Something was to be enabled while its fault input is active; it stays off. index: the instance."""
+    """Something was to be enabled while its fault input is active; it stays off.
+
+    index: the instance.
+    """
 
     code = "HM2-E044"
     causes = ("the drive reports a fault", "the fault input's polarity is the other one", "its wire is open")
@@ -87,7 +90,10 @@ class ModuleTimeout(BoardError, TimeoutError):
 
 
 class DataLost(BoardError):
-    """A receiver of the card had no room: data was lost. Said once, reading goes on. index: the instance."""
+    """A receiver of the card had no room: data was lost. Said once, reading goes on.
+
+    index: the instance.
+    """
 
     code = "HM2-E046"
     causes = (

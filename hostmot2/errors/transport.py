@@ -94,7 +94,10 @@ class NotInDump(TransportError):
 
 
 class BrokenDump(TransportError):
-    """A line of a dump file is not one; index: the line number."""
+    """A line of a dump file is not one.
+
+    index: the line number.
+    """
 
     code = "HM2-E081"
     causes = (

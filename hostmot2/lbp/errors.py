@@ -9,7 +9,10 @@ from hostmot2.registers import LbpStatus
 
 
 class LbpError(TransportError):
-    """LBP over a line failed. counted: what the line showed so far, see `LineCounters`."""
+    """LBP over a line failed.
+
+    counted: what the line showed so far, see `LineCounters`.
+    """
 
     code = "HM2-E100"
     causes: Sequence[str] = ("cable, adapter or remote: the line did not carry what it should",)
@@ -49,7 +52,10 @@ class WrongAnswer(LbpError):
 
 
 class RemoteRefused(LbpError):
-    """The remote hears well and refuses: its LBP status says why. status: the bits."""
+    """The remote hears well and refuses: its LBP status says why.
+
+    status: the bits.
+    """
 
     code = "HM2-E103"
     causes = (
@@ -66,7 +72,10 @@ class RemoteRefused(LbpError):
 
 
 class NotLbp(LbpError):
-    """Something answers, but not with LBP's cookie 5A. received: what it said."""
+    """Something answers, but not with LBP's cookie 5A.
+
+    received: what it said.
+    """
 
     code = "HM2-E104"
     causes = (
@@ -116,8 +125,9 @@ class FirmwareRefused(LbpError):
 
 
 class UpdateFailed(LbpError):
-    """An update ended before its last block. block: the first that was not done.
+    """An update ended before its last block.
 
+    block: the first that was not done.
     Block 0, which holds the boot loader, is never touched: the remote still answers and can be updated again.
     """
 

@@ -20,11 +20,13 @@ from hostmot2.sserial.errors import (
     NotStarted,
     PortRunning,
     RemoteSilent,
+    SetupJumper,
     UnsupportedRemote,
     VerifyFailed,
 )
-from hostmot2.sserial.evidence import ChannelEvidence, DoitResult, Scan, StartResult
+from hostmot2.sserial.evidence import ChannelEvidence
 from hostmot2.sserial.port import SserialPort
+from hostmot2.sserial.results import DoitResult, Scan, StartResult
 from hostmot2.sserial.status import ChannelStatus, Fault, FaultWatcher
 
 if TYPE_CHECKING:
@@ -51,6 +53,7 @@ __all__ = [
     "RemoteDescription",
     "RemoteSilent",
     "Scan",
+    "SetupJumper",
     "SserialPort",
     "SserialPorts",
     "StartResult",

@@ -10,7 +10,7 @@ from hostmot2.registers import SslbpChannel
 from hostmot2.remotes.discovery import Mode, RemoteDescription
 from hostmot2.remotes.parameters import Parameters
 from hostmot2.sserial.counters import ChannelCounters
-from hostmot2.sserial.errors import NoRemote, NotDiscovered
+from hostmot2.sserial.errors import NotDiscovered
 from hostmot2.sserial.status import ChannelStatus
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ class Channel:
             raise self.problem
         if self.started:
             raise NotDiscovered(f"{self.label}: started while others ran", index=self.number)
-        raise NoRemote(f"{self.label}: no remote has answered here", index=self.number)
+        raise self._port.no_remote(self.number)
 
     def rows(self) -> list[tuple[str, ...]]:
         """The channel and its elements as rows of a table."""

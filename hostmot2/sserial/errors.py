@@ -17,6 +17,7 @@ __all__ = [
     "NotStarted",
     "PortRunning",
     "RemoteSilent",
+    "SetupJumper",
     "UnsupportedRemote",
     "VerifyFailed",
     "raise_for",
@@ -44,7 +45,10 @@ class CommandHung(SserialError, TimeoutError):
 
 
 class NoRemote(SserialError):
-    """No remote answered where one was asked for. channels: what each channel showed."""
+    """No remote answered where one was asked for.
+
+    channels: what each channel showed.
+    """
 
     code = "HM2-E021"
     causes = (
@@ -63,8 +67,28 @@ class NoRemote(SserialError):
     channels: tuple[Any, ...] = ()
 
 
+class SetupJumper(SserialError):
+    """A remote answers, but only at 115.2 kbaud: it moves no process data.
+
+    index: the channel.
+    """
+
+    code = "HM2-E031"
+    causes = (
+        "its set-up jumper is in place (7I77: W12 field I/O, W4 analog outputs; 8I20: W6)",
+        "its stored baud rate (NVBAUDRATE) is 115200",
+    )
+    fix = (
+        "Move the jumper to operate mode and cycle the remote's power. A stored rate is changed with "
+        "`hm2 param set NVBAUDRATE 9` (2.5 Mbaud)."
+    )
+
+
 class RemoteSilent(SserialError, TimeoutError):
-    """A remote did not answer an access, or not with a valid checksum. index: channel, received: CS."""
+    """A remote did not answer an access, or not with a valid checksum.
+
+    index: channel, received: CS.
+    """
 
     code = "HM2-E022"
     causes = (

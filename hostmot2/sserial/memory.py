@@ -12,7 +12,7 @@ from hostmot2.sserial.counters import ChannelCounters
 from hostmot2.sserial.errors import PortRunning
 
 if TYPE_CHECKING:
-    from hostmot2.sserial.evidence import StartResult
+    from hostmot2.sserial.results import StartResult
 
 
 class PortMemory(ABC):

@@ -19,10 +19,12 @@ from hostmot2.registers import Gtag, Sserial
 from hostmot2.remotes.discovery import RemoteDescription
 from hostmot2.sserial.channel import HEADER, Channel
 from hostmot2.sserial.core import NORMAL, SETUP, Core
-from hostmot2.sserial.errors import NotStarted
-from hostmot2.sserial.evidence import DoitResult, Identity, Scan, StartResult
+from hostmot2.sserial.errors import NoRemote, NotStarted
+from hostmot2.sserial.evidence import Identity
 from hostmot2.sserial.memory import PortMemory
+from hostmot2.sserial.places import places
 from hostmot2.sserial.remotes import Remotes, numbers
+from hostmot2.sserial.results import DoitResult, Scan, StartResult
 from hostmot2.sserial.status import ChannelStatus, Fault
 
 if TYPE_CHECKING:
@@ -92,7 +94,7 @@ class SserialPort(PortMemory):
         self._handle = ffi.cast("struct hm2_sserial *", self._core.handle)
         self._error = ffi.cast("hm2_error *", self._core.error)
         self._channels = tuple(Channel(self, n) for n in range(self._core.channels))
-        self._remotes = Remotes(self._core, self._channels)
+        self._remotes = Remotes(self._core, self._channels, places(self._board.pins, self.pins))
 
     def _ready(self) -> None:
         """Reset the processor and learn what it is, once."""
@@ -139,8 +141,10 @@ class SserialPort(PortMemory):
             failed = self._start_setup(mask) if mode == "setup" else self._start_normal(mask)
             if failed:  # looking for remotes may take longer than the watchdog waits; then they are cut off
                 self._board.cycle.raise_for_bite()
-            rows = self._remotes.evidence(mask) if failed else ()
-            return StartResult(mask & self.started, failed, tuple(rows))
+            if not failed:
+                return StartResult(mask & self.started, 0)
+            started, rows = mask & self.started, tuple(self._remotes.evidence(mask))
+            return StartResult(started, failed, rows, tuple(self._remotes.others(mask)))
 
     def stop(self, mask: int | None = None) -> None:
         """Zero the outputs of the channels in `mask`, send that, and stop them. None: STOP ALL.
@@ -237,10 +241,11 @@ class SserialPort(PortMemory):
         """The elements of all described channels; a new object when a remote has changed."""
         return self._remotes.process_data
 
-    def scan(self) -> Scan:
+    def scan(self, *, setup_rate: bool = False) -> Scan:
         """Look at every channel: who answers, what it is, and why a channel cannot be used.
 
-        Reads all tables anew. Afterwards everything is stopped. Raises PortRunning while channels move
+        Reads all tables anew. setup_rate: where nothing answers, also look for a remote whose set-up jumper
+        is in place (60 ms more). Afterwards everything is stopped. Raises PortRunning while channels move
         process data.
         """
         with self._lock:
@@ -248,6 +253,8 @@ class SserialPort(PortMemory):
             self._refuse_while_running()
             self._connect()
             rows = self._remotes.look(self._core.existing)
+            if setup_rate:
+                rows = self._remotes.look_at_setup_rate(rows)
             self._board.cycle.raise_for_bite()
             return Scan(rows)
 
@@ -261,8 +268,7 @@ class SserialPort(PortMemory):
             if known.problem is not None:
                 raise known.problem
             if known.description is None:
-                StartResult(0, 1 << channel, tuple(rows)).raise_for_failed()
-            assert known.description is not None
+                raise self._remotes.no_remote(f"{known.label} did not start ({rows[0].reason})", rows)
             return known.description
 
     def pause(self, seconds: float) -> None:
@@ -292,6 +298,12 @@ class SserialPort(PortMemory):
     def data_registers(self) -> int:
         """How many registers a channel has for process data, 3 or 7."""
         return self._core.registers
+
+    def no_remote(self, channel: int) -> NoRemote:
+        """The exception for a channel on which nothing has answered, with what to check."""
+        message = f"{self.label} channel {channel}: no remote has answered here"
+        rows = self._remotes.evidence(1 << channel)
+        return self._remotes.no_remote(message, rows, ask=not self._board.read_only)
 
     def look_if_stopped(self, channel: int) -> None:
         """Look at the channels once, if that disturbs nothing, so that their elements are known."""

@@ -3,28 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 from hostmot2.process_data import ProcessData
+from hostmot2.registers import SslbpChannel
 from hostmot2.remotes import builtin
 from hostmot2.remotes.discovery import ReadFailed, RemoteDescription, read_tables
 from hostmot2.sserial.core import NORMAL, SETUP, Core
-from hostmot2.sserial.errors import BrokenTable, NotDiscovered, RemoteSilent, UnsupportedRemote, raise_for
+from hostmot2.sserial.errors import (
+    BrokenTable,
+    NoRemote,
+    NotDiscovered,
+    RemoteSilent,
+    SetupJumper,
+    UnsupportedRemote,
+    raise_for,
+)
 from hostmot2.sserial.evidence import ChannelEvidence
+from hostmot2.sserial.places import Place
+from hostmot2.sserial.results import no_remote
 
 if TYPE_CHECKING:
     from hostmot2.sserial.channel import Channel
 
 TEN_MILLIAMPERES = 0.01
+SETUP_BAUD = 115200
 
 
 class Remotes:
     """The descriptions of a port's remotes (kept in its channels) and their process data."""
 
-    def __init__(self, core: Core, channels: tuple[Channel, ...]) -> None:
+    def __init__(self, core: Core, channels: tuple[Channel, ...], places: dict[int, Place]) -> None:
         self._core = core
         self._channels = channels
+        self._places = places
         self.looked = 0
         """Channels that have been looked at in setup mode."""
         self.process_data: ProcessData = core.set_process_data({})
@@ -110,6 +124,35 @@ class Remotes:
         self._update_process_data()
         return rows
 
+    def look_at_setup_rate(self, rows: list[ChannelEvidence]) -> list[ChannelEvidence]:
+        """Look at channels that were silent for remotes that answer at the rate of their set-up jumper only.
+
+        That is kept as their channels' problem. Nothing may run. Rates are as before afterwards.
+        """
+        mask = bits(row.channel for row in rows if not row.found)
+        if not mask or not self._core.tells_blocks:
+            return rows
+        places = {n: self._core.block(n) + SslbpChannel.baud_rate.number for n in numbers(mask)}
+        usual = {number: self._core.read_local(place, 4) for number, place in places.items()}
+        try:
+            self._rates(places, dict.fromkeys(places, SETUP_BAUD.to_bytes(4, "little")))
+            self._core.start(mask, SETUP, {})
+            for number in numbers(mask & self._core.started):
+                found, channel = self._core.identity(number), self._channels[number]
+                name = found.name or "a remote"
+                channel.problem = SetupJumper(
+                    f"channel {number}: {name} answers at 115.2 kbaud only", index=number
+                )
+        finally:
+            self._core.stop()
+            self._rates(places, usual)
+        return [replace(row, problem=self._channels[row.channel].problem) for row in rows]
+
+    def _rates(self, places: dict[int, int], rates: dict[int, bytes]) -> None:
+        for number, place in places.items():
+            self._core.write_local(place, rates[number])
+        self._core.stop()  # which takes them over
+
     def evidence(self, mask: int) -> list[ChannelEvidence]:
         """What the channels show, a row each."""
         counters = self._core.counters() if self._core.tells_blocks else ()
@@ -125,9 +168,25 @@ class Remotes:
                     counters=counters[number] if number < len(counters) else None,
                     problem=channel.problem if channel else None,
                     description=channel.description if channel else None,
+                    place=self._places.get(number, Place("")),
                 )
             )
         return rows
+
+    def others(self, mask: int, *, ask: bool = True) -> list[ChannelEvidence]:
+        """What the channels not in `mask` showed when they were last looked at.
+
+        ask: those that never were are looked at now, unless a channel is started. Call it behind evidence():
+        it stops everything.
+        """
+        unseen = self._core.existing & ~mask & ~self.looked
+        if ask and unseen and not self._core.started:
+            self.look(unseen)
+        return self.evidence(self._core.existing & ~mask & self.looked)
+
+    def no_remote(self, message: str, rows: list[ChannelEvidence], *, ask: bool = True) -> NoRemote:
+        """The exception for channels on which nothing answered, with what the others show."""
+        return no_remote(message, rows, [*rows, *self.others(bits(row.channel for row in rows), ask=ask)])
 
     def _update_process_data(self) -> None:
         """Process data of all described channels, unless it is what it was."""

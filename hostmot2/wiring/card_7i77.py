@@ -1,6 +1,6 @@
 """7I77 and 7I77D. Source: 7I77 manual, hardware configuration, connectors, operation, specifications."""
 
-from hostmot2.wiring.facts import CardFacts, Connector, Jumper, Led, Limit, Terminal
+from hostmot2.wiring.facts import CardFacts, Connector, Jumper, Led, Limit, RemoteFacts, Terminal
 
 _BLOCK = "3.5 mm pluggable terminal block"
 
@@ -88,6 +88,56 @@ _ENCODER_JUMPERS = tuple(
 )
 _MODE = (("left", "operate, 2.5 Mbaud"), ("right", "set-up, 115.2 kbaud: no process data"))
 
+_VIN = (
+    "field logic power VIN: more than 8 V, up to 32 V, on TB2-5 against TB2-8; with W1 left it comes from "
+    "VFIELD, TB2-1 to TB2-4, which must then be more than 8 V, too. Without VIN the field I/O is not detected"
+)
+_5V = (
+    "5 V: CR1 (yellow, upper left) is on. W5 left: the FPGA card's own jumper must put 5 V on the cable; "
+    "W5 right: 5 V on TB1-2 against TB1-1, never with W5 left"
+)
+_REMOTES = (
+    RemoteFacts(
+        "field I/O",
+        0x12,
+        0,
+        (
+            _VIN,
+            "field voltage: CR3 (yellow, upper right) is on",
+            "W12 left (operate): right is set-up mode at 115.2 kbaud, without process data",
+            "from revision B on, CR16 (red, lower right) is on at power-up until the field I/O runs: dark "
+            "from the start means that it has no power",
+        ),
+        proves="cable and bitfile",
+        operate="W12 left",
+    ),
+    RemoteFacts(
+        "analog outputs",
+        0x11,
+        1,
+        (
+            _5V,
+            "analog supplies: CR6 (+16 V) and CR7 (-12 V), yellow, lower middle, are on",
+            "W4 left (operate): right is set-up mode at 115.2 kbaud, without process data",
+        ),
+        proves="5 V, cable and bitfile",
+        operate="W4 left",
+    ),
+    RemoteFacts(
+        "RS-422 connector TB6",
+        None,
+        2,
+        (
+            "something is plugged into TB6 at all, and is powered: TB6-7 and TB6-8 give 5 V, TB6-1 and "
+            "TB6-2 are GND",
+            "the pairs: TB6-3 and TB6-4 (RX+, RX-) hear the remote, TB6-5 and TB6-6 (TX+, TX-) speak to it; "
+            "a CAT5 cable on the screws goes by the colours of 568B (`hm2 pins 7i77 --connector TB6`)",
+            "that remote's own set-up jumper: it must be in operate mode",
+        ),
+        needed=False,
+    ),
+)
+
 CARD_7I77 = CardFacts(
     name="7i77",
     title="7I77: six analog servo axes, 48 field I/O, six encoders",
@@ -157,5 +207,13 @@ CARD_7I77 = CardFacts(
         "field logic: VIN on TB2-5 (or W1 left and VFIELD on TB2-1 to 4), 8 to 32 V against TB2-8",
         "field power: CR3 is on; no switch or relay in the VFIELD line",
         "operate mode: W4 (analog) and W12 (field I/O) left",
+    ),
+    remotes=_REMOTES,
+    silent_checks=(
+        _5V,
+        "the cable at P1, and that it leads to the FPGA card's connector named here",
+        "the bitfile: one for a 7I77 on that connector (`hm2 pins`)",
+        "operate mode: W4 (analog) and W12 (field I/O) left",
+        _VIN,
     ),
 )

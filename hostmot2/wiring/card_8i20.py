@@ -1,8 +1,26 @@
 """8I20. Source: 8I20 manual, hardware configuration, connectors, operation."""
 
-from hostmot2.wiring.facts import CardFacts, Connector, Jumper, Led, Limit, Terminal
+from hostmot2.wiring.facts import CardFacts, Connector, Jumper, Led, Limit, RemoteFacts, Terminal
 
-_LEDS: tuple[Led, ...] = ()  # the manual names none
+_EDGE = "bottom edge"
+_LEDS = (
+    Led("CR13", "green", _EDGE, "DSP status", "blinks with communication"),
+    Led("CR14", "yellow", _EDGE, "motor power present", "on with motor power"),
+    Led("CR15", "red", _EDGE, "drive fault", "off while running"),
+    Led("CR16", "red", _EDGE, "over voltage, brake", "on while the brake is applied"),
+    Led("CR17", "green", _EDGE, "isolated power present", "on"),
+    Led("CR18", "yellow", _EDGE, "isolated inverter", "on"),
+    Led("CR19", "green", _EDGE, "logic power present", "on"),
+)
+_CHECKS = (
+    "logic power: CR19 (green, right end of the bottom edge) is on. W2 up: 5 V over J1-7 and J1-8, at most "
+    "2.4 m of cable; W2 down: 8 to 40 V on TB1-1 (+) and TB1-2 (-)",
+    "W6 up (operate): down is set-up mode at 115.2 kbaud, without process data",
+    "the cable at J1: J1-1 and J1-2 (RXA, RXB) hear the host, J1-3 and J1-6 (TXA, TXB) speak to it, J1-4 and "
+    "J1-5 are GND; all eight wires straight through",
+    "termination: W4 and W5 up at the end of the cable",
+    "CR13 (green, left end) blinks with communication; motor power is not needed for that",
+)
 
 CARD_8I20 = CardFacts(
     name="8i20",
@@ -89,4 +107,6 @@ CARD_8I20 = CardFacts(
         "termination: W4 and W5 up if this is the end of the cable",
         "motor power 35 to 385 V; no fuse or breaker between the drive and the supply's capacitors",
     ),
+    remotes=(RemoteFacts("servo amplifier", None, 0, _CHECKS, operate="W6 up"),),
+    silent_checks=_CHECKS,
 )

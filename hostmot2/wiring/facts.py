@@ -64,8 +64,31 @@ class Limit:
 
 
 @dataclass(frozen=True, slots=True)
+class RemoteFacts:
+    """One smart-serial remote of a card, or its place for another one.
+
+    code: the top byte of its unit number, None where that tells nothing. host_channel: its channel among
+    those of the card's own host connector. checks: what to look at when it alone is silent, the likeliest
+    first. proves: what is good if it answers. operate: its jumper's setting for process data. needed: False
+    for a place that may stay empty.
+    """
+
+    what: str
+    code: int | None
+    host_channel: int
+    checks: tuple[str, ...]
+    proves: str = ""
+    operate: str = ""
+    needed: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class CardFacts:
-    """Everything a person at the screwdriver needs. checklist: what to look at, in this order."""
+    """Everything a person at the screwdriver needs.
+
+    power_checklist: what to look at before power-up, in this order. remotes: its smart-serial remotes.
+    silent_checks: what to look at when none of them answers, the likeliest first.
+    """
 
     name: str
     title: str
@@ -75,6 +98,8 @@ class CardFacts:
     leds: tuple[Led, ...]
     limits: tuple[Limit, ...]
     power_checklist: tuple[str, ...]
+    remotes: tuple[RemoteFacts, ...]
+    silent_checks: tuple[str, ...]
 
     def connector(self, name: str) -> Connector:
         """A connector by name. Raises KeyError."""
