@@ -1655,4 +1655,63 @@ typedef struct hm2_udp_floor_timing {
 void hm2_udp_floor_periodic(hm2_udp_floor_cycle *cycle, int64_t period_ns, uint32_t count,
                             hm2_udp_floor_timing *timing);
 
+/* ---- faults at counted steps (emulator/fault*.c) ------------------------------------------- */
+
+/* Steps are counted from 1: words moved over a bus, datagrams on a link, answers of a remote. */
+enum hm2_fault_kind {
+	HM2_FAULT_NONE,        /* nothing but `act` */
+	HM2_FAULT_LOST,        /* it never arrives */
+	HM2_FAULT_ANSWER_LOST, /* words: carried out, but nobody hears of it before the deadline */
+	HM2_FAULT_LATE,        /* by `value` ns */
+	HM2_FAULT_TWICE,       /* datagrams: the second one `value` ns later */
+	HM2_FAULT_CORRUPT,     /* words: a read has the bits of `value` flipped, a write is refused as damaged;
+	                        * datagrams: the byte `value` from the end is flipped; answers: a wrong CRC */
+	HM2_FAULT_SHORT,       /* words: carried out, but the answer was cut; else `value` bytes are missing at the end */
+	HM2_FAULT_LONG,        /* `value` bytes too many */
+	HM2_FAULT_STUCK,       /* words: from here on the mailbox hangs; value: enum hm2_stuck_until */
+	HM2_FAULT_BREAK,       /* answers: the last stop bit is low */
+	HM2_FAULT_SIGNAL       /* value: signal that is raised in this thread; the step itself is good */
+};
+
+enum hm2_stuck_until { HM2_STUCK_UNTIL_UNJAM, HM2_STUCK_UNTIL_RESET, HM2_STUCK_FOR_GOOD };
+
+typedef struct hm2_fault {
+	uint64_t step;
+	int32_t kind;            /* enum hm2_fault_kind */
+	int32_t repeat;          /* steps behind it that are hit, too; -1: all */
+	int64_t value;
+	void (*act)(void *self); /* called first; NULL: nothing */
+	void *self;
+} hm2_fault;
+
+/* The command register that can hang, and what writes to it mean. */
+typedef struct hm2_mailbox {
+	uint32_t command; /* address */
+	uint32_t unjam, reset_mask, ignore_mask;
+} hm2_mailbox;
+
+struct hm2_fault_bus;
+
+/* A bus that passes each word on to `inner`; closing it closes nothing. NULL: no memory. */
+struct hm2_fault_bus *hm2_fault_bus_new(const hm2_bus *inner, const hm2_mailbox *mailbox, hm2_bus *bus);
+void hm2_fault_bus_free(struct hm2_fault_bus *bus);
+/* Faults (borrowed) from now on, counting from 1 again. Behind `limit` steps every access fails; 0: no limit. */
+void hm2_fault_bus_set(struct hm2_fault_bus *bus, const hm2_fault *faults, size_t count, uint64_t limit);
+/* Steps since then; fired (may be NULL): at how many a fault was due. */
+uint64_t hm2_fault_bus_steps(const struct hm2_fault_bus *bus, uint64_t *fired);
+
+struct hm2_fault_link;
+
+/* A carrier to an engine in this process, on the clock of `card` (virtual), each datagram under way for latency_ns. */
+struct hm2_fault_link *hm2_fault_link_new(struct hm2_ethernet *ethernet, const hm2_bus *card, int64_t latency_ns,
+                                          hm2_carrier *carrier);
+void hm2_fault_link_free(struct hm2_fault_link *link);
+/* As for the bus; requests and replies are counted together, in the order in which they are sent. */
+void hm2_fault_link_set(struct hm2_fault_link *link, const hm2_fault *faults, size_t count, uint64_t limit);
+uint64_t hm2_fault_link_steps(const struct hm2_fault_link *link, uint64_t *fired);
+
+/* As for the bus; steps are the answers that the remote gives. */
+void hm2_remote_set_faults(hm2_remote *remote, const hm2_fault *faults, size_t count);
+uint64_t hm2_remote_answers(const hm2_remote *remote, uint64_t *fired);
+
 #endif

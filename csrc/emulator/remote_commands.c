@@ -7,7 +7,6 @@
 #define LBP_VERSION_OURS 3 /* no sheet gives the number of a real card */
 #define RPC_PITCH 8
 #define RPC_NUMBER 0x3F
-#define EXTRA_BYTE 0xE0
 
 /* Where a command's bytes come from: the frame, and for stored RPCs the table too. */
 typedef struct byte_source {
@@ -319,56 +318,4 @@ int remote_obey(hm2_remote *remote, const uint8_t *frame, size_t length, remote_
 			return -1;
 	}
 	return 0;
-}
-
-static int counted(int64_t *knob)
-{
-	if (*knob == 0)
-		return 0;
-	--*knob;
-	return 1;
-}
-
-int remote_finish_answer(hm2_remote *remote, remote_answer *answer)
-{
-	int64_t *knob = remote->knob;
-	size_t missing = (size_t)knob[HM2_REMOTE_INJECT_TRUNCATE];
-	size_t extra = (size_t)knob[HM2_REMOTE_INJECT_EXTRA];
-
-	if (knob[HM2_REMOTE_CRC]) {
-		uint8_t crc = hm2_lbp_crc8(answer->bytes, answer->length);
-
-		answer->bytes[answer->length++] = counted(&knob[HM2_REMOTE_INJECT_BAD_CRC]) ? (uint8_t)~crc : crc;
-	}
-	if (answer->length == 0 || counted(&knob[HM2_REMOTE_INJECT_SKIP]))
-		return 0;
-	knob[HM2_REMOTE_INJECT_TRUNCATE] = knob[HM2_REMOTE_INJECT_EXTRA] = 0;
-	answer->length -= missing < answer->length ? missing : answer->length;
-	for (size_t i = 0; i < extra && answer->length < sizeof answer->bytes; i++)
-		answer->bytes[answer->length++] = (uint8_t)(EXTRA_BYTE + i);
-	answer->broken = answer->length && counted(&knob[HM2_REMOTE_INJECT_BREAK]);
-	return answer->length != 0;
-}
-
-size_t hm2_remote_exchange(hm2_remote *remote, const uint8_t *frame, size_t length, uint8_t *answer,
-                           size_t capacity)
-{
-	remote_answer reply;
-
-	if (!remote_alive(remote) || length == 0 || length > FRAME_MAX)
-		return 0;
-	if (remote->knob[HM2_REMOTE_CRC]) {
-		if (hm2_lbp_crc8(frame, length)) {
-			remote_crc_error(remote);
-			return 0;
-		}
-		length--;
-	}
-	if (length == 0 || remote_obey(remote, frame, length, &reply) || !remote_finish_answer(remote, &reply))
-		return 0;
-	reply.length -= reply.broken;
-	if (reply.length > capacity)
-		return 0;
-	memcpy(answer, reply.bytes, reply.length);
-	return reply.length;
 }

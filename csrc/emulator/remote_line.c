@@ -80,7 +80,7 @@ static void end_frame(hm2_remote *remote, size_t length, int64_t heard_ps)
 
 	start_frame(&remote->rx);
 	if (!silent && remote_finish_answer(remote, &answer))
-		transmit(remote, &answer, start_ps < free_ps ? free_ps : start_ps);
+		transmit(remote, &answer, (start_ps < free_ps ? free_ps : start_ps) + answer.late_ps);
 }
 
 /* The byte just stored is the header of a further command. */

@@ -2,6 +2,7 @@
 #ifndef HM2_EMULATOR_REMOTE_STATE_H
 #define HM2_EMULATOR_REMOTE_STATE_H
 
+#include "fault.h"
 #include "lbp.h"
 #include "remote.h"
 
@@ -70,6 +71,7 @@ typedef struct remote_answer {
 	uint8_t bytes[FRAME_MAX];
 	size_t length;
 	uint8_t broken; /* last stop bit low */
+	int64_t late_ps;
 } remote_answer;
 
 struct hm2_remote {
@@ -106,9 +108,10 @@ struct hm2_remote {
 	size_t range_count;
 	hm2_remote_write writes[HM2_REMOTE_WRITES_KEPT];
 	uint64_t write_count;
+	struct fault_plan faults; /* steps: answers */
 };
 
-/* remote_commands.c: obey a frame without its CRC. 0: answered (into `answer`, no CRC yet), -1: silence. */
+/* remote_commands.c, remote_answer.c: obey a frame without its CRC. 0: answered (into `answer`, no CRC yet), -1: silence. */
 int remote_obey(hm2_remote *remote, const uint8_t *frame, size_t length, remote_answer *answer);
 /* Bytes of the command with this header; 0: invalid. */
 size_t remote_command_length(const hm2_remote *remote, uint8_t header);
