@@ -557,3 +557,15 @@ def test_any_number_that_the_cycle_reads_can_be_an_input(board: Any) -> None:
         run(engine, 5)
         assert int(engine.read()["cs1"]) & 0xFF00FFFF == 0
         assert int(engine.read()["cs1"]) >> 16 & 0xFF in (0x42, 0x43)
+
+
+def test_readings_before_the_first_transfer_are_the_last_ones(emulated: EmulatedBoard, board: Any) -> None:
+    field = emulated.sserial[0].remote(0)
+    assert field is not None
+    field.inputs = bytes([1, 2, 3, 4])
+    card = board.card("7i77")
+    card.exchange()
+    with board.engine(1000.0) as engine:
+        frame = engine.step()  # its exchange brings no result yet
+        assert frame.inputs["0.input"] == 0x04030201
+        assert int(card.inputs) == 0x04030201

@@ -199,7 +199,11 @@ class PortData:
         return signals
 
     def take(self) -> None:
-        """From now on transfers use our memory."""
+        """From now on transfers use our memory. Until the first one readings are those of the last before."""
+        for index, (_, element) in enumerate(self.theirs._elements):
+            if element.direction is Direction.INPUT:
+                self.ours.values[index] = self.theirs.values[index]
+                self.ours.raw[index] = self.theirs.raw[index]
         lib.hm2_sserial_set_process_data(self.port._core.handle, self.ours._plan)
         self.port.cyclic = self.mask
 
