@@ -32,7 +32,7 @@ class Watchdog:
         self._board = board
         self._module = board.module(Gtag.WATCHDOG)
         self._timeout = DEFAULT_TIMEOUT
-        self._relaxed = False
+        self._counting = False  # the card's counter may run, so its status tells of a bite
         self._part = ffi.new("hm2_cyclic *")
         self._state: Any = ffi.new("hm2_watchdog *")
         self._state.board = board.handle
@@ -83,7 +83,7 @@ class Watchdog:
         """Start counting. Raises WatchdogBite if an earlier bite has not been acknowledged.
 
         The timer is loaded before the first reload: a reload before it would bite at once. The status is 1
-        after configuration, which is no bite, and is cleared here.
+        after configuration, which is no bite; it is cleared before the timer runs, so that no bite is.
         """
         if timeout is not None:
             self.timeout = timeout
@@ -91,13 +91,13 @@ class Watchdog:
             self._raise_bite()
             if self.armed:
                 return
-            if self._relaxed:
-                self._state.armed = 1
-                self._relaxed = False
+            if self._counting:
                 self.check()
                 self._raise_bite()
+            else:
+                self._board.write(self._address(Registers.status.number), 0)
+            self._counting = True  # whatever becomes of the write
             self._board.write(self._address(Registers.timer.number), self._periods(self._timeout))
-            self._board.write(self._address(Registers.status.number), 0)
             self._state.armed = 1
 
     def relax(self) -> None:
@@ -108,7 +108,6 @@ class Watchdog:
         with self._board.lock:
             if self.armed:
                 self._state.armed = 0
-                self._relaxed = True
                 self._board.write(self._address(Registers.timer.number), Registers.timer.count.maximum)
 
     def feed(self) -> None:
@@ -121,7 +120,7 @@ class Watchdog:
         """Read the status now; a bite shuts the gate for writes. Returns has_bitten."""
         with self._board.lock:
             bitten = self._board.read(self._state.status_address) & Registers.status.has_bitten.mask
-            if bitten and self.armed:
+            if bitten and self._counting:
                 self._state.has_bitten = 1
                 self._state.armed = 0
                 lib.hm2_board_set_gate(self._board.handle, 1)
@@ -146,11 +145,17 @@ class Watchdog:
             if not self.check():
                 return
             self._state.has_bitten = 0
-            self._relaxed = False
+            self._counting = False
             lib.hm2_board_set_gate(self._board.handle, 0)
-            self._board.write(self._address(Registers.timer.number), Registers.timer.stopped.mask)
-            self._board.write(self._address(Registers.status.number), 0)
-            self._board.restore()
+            try:
+                self._board.write(self._address(Registers.timer.number), Registers.timer.stopped.mask)
+                self._board.write(self._address(Registers.status.number), 0)
+                self._board.restore()
+            except BaseException:  # half restored is not restored: acknowledge() again
+                self._state.has_bitten = 1
+                self._counting = True
+                lib.hm2_board_set_gate(self._board.handle, 1)
+                raise
 
     def _raise_bite(self) -> None:
         if self._state.has_bitten:
@@ -165,6 +170,7 @@ class Watchdog:
         """Make the card let go of its pins within a few clocks, whatever drove them."""
         lib.hm2_board_set_gate(self._board.handle, 0)
         self._state.armed = 0
+        self._counting = False
         self._board.write(self._address(Registers.timer.number), 0)
 
     def __repr__(self) -> str:

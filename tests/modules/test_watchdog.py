@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -109,3 +110,63 @@ def test_timeouts_the_counter_cannot_hold_are_refused(board: Board, seconds: flo
 def test_five_milliseconds_are_the_sheets_number(board: Board, emulated: EmulatedBoard) -> None:
     board.watchdog.arm(0.005)
     assert emulated.read(0x0C00) == 166666  # 5 ms * 33333333 / s - 1, rounded
+
+
+class Failing:
+    """A board's write that fails at the chosen ones of its next calls."""
+
+    def __init__(self, board: Board, monkeypatch: pytest.MonkeyPatch, *at: int) -> None:
+        self.left = list(at)
+        self.calls = 0
+        self._write = board.write
+        monkeypatch.setattr(board, "write", self)
+
+    def __call__(self, address: int, words: Any) -> None:
+        self.calls += 1
+        if self.calls in self.left:
+            raise errors.TransportTimeout("lost")
+        self._write(address, words)
+
+
+def test_a_bite_behind_a_lost_relaxation_is_found_and_acknowledged(
+    board: Board, emulated: EmulatedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board.gpio[GPIO].drive(False)
+    Failing(board, monkeypatch, 1)
+    with pytest.raises(errors.TransportTimeout):
+        board.watchdog.relax()
+    emulated.advance(60_000.0)
+    board.watchdog.acknowledge()
+    board.gpio[GPIO].drive(False)
+    assert emulated.pin(GPIO).level == "0"
+
+
+def test_a_stall_while_it_is_armed_is_a_bite(
+    board: Board, emulated: EmulatedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = board.write
+
+    def slow(address: int, words: Any) -> None:
+        write(address, words)
+        emulated.advance(60_000.0)
+
+    monkeypatch.setattr(board, "write", slow)
+    board.watchdog.arm()
+    monkeypatch.undo()
+    assert board.watchdog.check()
+
+
+def test_half_an_acknowledgement_is_none_and_can_be_repeated(
+    board: Board, emulated: EmulatedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board.gpio[GPIO].drive(False)
+    emulated.advance(60_000.0)
+    for at in range(1, 4):
+        with monkeypatch.context() as patch:
+            Failing(board, patch, at)
+            with pytest.raises(errors.TransportTimeout):
+                board.watchdog.acknowledge()
+        with pytest.raises(errors.WatchdogBite):
+            board.cycle.run()
+    board.watchdog.acknowledge()
+    board.cycle.run()
