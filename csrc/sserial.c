@@ -90,7 +90,9 @@ int hm2_sserial_reset(struct hm2_sserial *port, hm2_error *error)
 	return wait_for_firmware(port, error);
 }
 
-/* Best effort: the stop that follows, and at the latest the remote's watchdog, end the outputs too. */
+#define ZERO_TRIES 3
+
+/* Best effort: the remote's watchdog ends the outputs too, but later. Nothing is repeated on a bus that is silent. */
 static void send_zeroes(struct hm2_sserial *port, uint32_t mask)
 {
 	const uint32_t running = port->mode == HM2_SSERIAL_NORMAL ? port->started & mask : 0;
@@ -98,8 +100,11 @@ static void send_zeroes(struct hm2_sserial *port, uint32_t mask)
 		if (mask & 1u << channel)
 			memset(port->image.outputs[channel], 0, sizeof port->image.outputs[channel]);
 	}
-	if (running)
-		(void)sserial_transfer(port, running, "sserial stop", NULL);
+	for (int i = 0; running && i < ZERO_TRIES; i++) {
+		const int status = sserial_transfer(port, running, "sserial stop", NULL);
+		if (status == 0 || (status < 0 && status != HM2_ERR_PROTOCOL))
+			return;
+	}
 }
 
 int hm2_sserial_stop(struct hm2_sserial *port, uint32_t mask, hm2_error *error)

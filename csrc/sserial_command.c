@@ -58,12 +58,22 @@ static int write_command(struct hm2_sserial *port, uint32_t command, int64_t lim
 	return status;
 }
 
+/* What takes long is looked at less often: the wait grows by 3 % at most, and a remote that does not answer does not
+ * keep the bus busy for 50 ms. */
+static int64_t next_look_ns(int64_t waited_ns, int64_t poll_ns)
+{
+	const int64_t share_ns = waited_ns / 32;
+	return share_ns > poll_ns ? share_ns : poll_ns;
+}
+
 int sserial_wait(struct hm2_sserial *port, int64_t poll_ns, hm2_error *error)
 {
+	const int64_t start_ns = hm2_board_now_ns(port->board);
 	uint32_t command = 0;
 	for (;;) {
 		/* the clock is read first: after the limit there is always one more look */
-		const int expired = hm2_board_now_ns(port->board) >= port->busy_until_ns;
+		const int64_t now_ns = hm2_board_now_ns(port->board);
+		const int expired = now_ns >= port->busy_until_ns;
 		const int status = sserial_read(port, HM2_SSERIAL_COMMAND, 0, &command, error);
 		if (status != HM2_OK)
 			return status;
@@ -73,7 +83,7 @@ int sserial_wait(struct hm2_sserial *port, int64_t poll_ns, hm2_error *error)
 		}
 		if (expired)
 			break;
-		hm2_board_pause_ns(port->board, poll_ns);
+		hm2_board_pause_ns(port->board, next_look_ns(now_ns - start_ns, poll_ns));
 	}
 	hm2_error_set(error, HM2_ERR_TIMEOUT, "sserial");
 	if (error) {

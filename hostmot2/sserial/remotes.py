@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 TEN_MILLIAMPERES = 0.01
 SETUP_BAUD = 115200
 
+CLEAN_STARTS = 3
+"""So often a channel whose line showed errors during its start is started anew."""
+
 
 class Remotes:
     """The descriptions of a port's remotes (kept in its channels) and their process data."""
@@ -48,7 +51,22 @@ class Remotes:
         usable = mask
         if mode == NORMAL:
             usable &= ~bits(c.number for c in self._channels if c.problem is not None)
-        return self._core.start(usable, mode, {c.number: c.mode for c in self._channels}) | mask & ~usable
+        modes = {c.number: c.mode for c in self._channels}
+        failed = self._core.start(usable, mode, modes)
+        for _ in range(CLEAN_STARTS):
+            noisy = self._noisy(usable & ~failed)
+            if not noisy:
+                break
+            self._core.stop(noisy)
+            failed |= self._core.start(noisy, mode, modes)
+        return failed | mask & ~usable
+
+    def _noisy(self, mask: int) -> int:
+        """Started channels whose line showed errors meanwhile.
+
+        An answer that came twice is taken for the next one: unit number and name would be those of nobody.
+        """
+        return bits(n for n in numbers(mask) if self._core.identity(n).status.local_fault)
 
     def zero(self, mask: int) -> None:
         """All outputs of the channels to 0."""
@@ -111,9 +129,12 @@ class Remotes:
             self._channels[number].description, self._channels[number].problem = None, None
         self.start(mask, SETUP)
         try:
+            noisy = self._noisy(mask & self._core.started)
             for number in numbers(mask & self._core.started):
                 channel = self._channels[number]
                 try:
+                    if noisy >> number & 1:
+                        raise damaged(self._core, number)
                     channel.description = describe(self._core, number, channel.mode)
                 except (BrokenTable, RemoteSilent, UnsupportedRemote) as problem:
                     channel.problem = problem
@@ -198,6 +219,17 @@ class Remotes:
         for channel in self._channels:
             word = channel.description.fault_word if channel.description is not None else None
             self._core.set_bits(channel.number, layouts.get(channel.number), word)
+
+
+def damaged(core: Core, channel: int) -> RemoteSilent:
+    """What to say of a channel that shows errors at every start."""
+    status = core.identity(channel).status
+    return RemoteSilent(
+        f"smart serial port {core.number} channel {channel}: answers arrive damaged at every start "
+        f"({', '.join(status.sticky)}), so what they say is not believed",
+        index=channel,
+        received=status.word,
+    )
 
 
 def describe(core: Core, channel: int, software_mode: int) -> RemoteDescription:

@@ -3,11 +3,13 @@
 import pytest
 
 import hostmot2
+from hostmot2._core import ffi, lib
 from hostmot2.emulator import EmulatedRemote
 from hostmot2.registers import LocalFault, RemoteFault
 from hostmot2.sserial import (
     CommandHung,
     NotStarted,
+    RemoteSilent,
 )
 
 from .remotes import COMMAND, give_watchdog
@@ -216,3 +218,47 @@ def test_a_bite_of_the_cards_watchdog_leaves_the_port_stopped(hm2, field):
     assert hm2.sserial.started == 0
     assert hm2.sserial.channels[0].outputs["output"] == 0
     assert field.fault & 0x01 or field.outputs == b"\0\0"
+
+
+def faults(remote, *planned):
+    """Faults at counted answers of a remote; keep what is returned."""
+    array = ffi.new(
+        "hm2_fault[]", [{"step": step, "kind": kind, "repeat": more} for step, kind, more in planned]
+    )
+    lib.hm2_remote_set_faults(remote.handle, array, len(planned))
+    return array
+
+
+@pytest.mark.parametrize("answer", range(1, 11))
+def test_an_answer_that_comes_twice_at_the_start_makes_no_other_remote(hm2, field, answer):
+    plan = faults(field, (answer, lib.HM2_FAULT_TWICE, 0))
+    (row,) = [row for row in hm2.sserial[0].scan() if row.found]
+    assert (row.name, row.unit_number, row.elements) == ("7I77", 0x12000001, 2)
+    assert plan
+
+
+def test_what_arrives_damaged_at_every_start_is_not_believed(hm2, field):
+    plan = faults(field, (1, lib.HM2_FAULT_TWICE, -1))
+    row = hm2.sserial[0].scan()[0]
+    assert row.description is None
+    assert "damaged" in row.reason or "no answer" in row.reason or "not as an LBP" in row.reason
+    assert plan
+
+
+@pytest.mark.parametrize("spoil", ["skip", "bad_crc"])
+def test_zeroes_that_get_lost_before_a_stop_are_sent_again(hm2, field, spoil):
+    hm2.sserial.start(0x01)
+    hm2.sserial.channels[0].outputs["output"] = 0x1234
+    hm2.sserial.doit()
+    field.inject(**{spoil: 1})
+    hm2.sserial.stop()
+    assert field.outputs == bytes(2)
+
+
+def test_a_remote_that_does_not_answer_is_not_polled_all_the_time(hm2, field):
+    hm2.sserial.start(0x01, "setup")
+    field.alive = False
+    before = hm2.counters["exchanges"]
+    with pytest.raises(RemoteSilent):
+        hm2.sserial.channels[0].read_remote(0x100)
+    assert hm2.counters["exchanges"] - before < 2000  # three tries of 50 ms
