@@ -55,10 +55,6 @@ class UdpLink:
         error_limit: int = 10,
     ) -> None:
         self.host, self.port, self.timeout = host, port, timeout
-        try:
-            self.address = socket.getaddrinfo(host, port, socket.AF_INET, socket.SOCK_DGRAM)[0][4][0]
-        except socket.gaierror as error:
-            raise errors.CardNotFound(f"{host}: {error.strerror}") from error
         config: Any = ffi.new("hm2_udp_config *")
         lib.hm2_udp_defaults(config)
         config.spin_ns = spin_us * 1000
@@ -68,10 +64,17 @@ class UdpLink:
         """The `hm2_bus *`."""
         self._error = errors.new_error()
         out: Any = ffi.new("struct hm2_udp **")
-        status = lib.hm2_udp_bus(str(self.address).encode(), port, config, self.bus, out, self._error)
-        self._check(status)
+        self._check(self._open(config, out))
         self._udp = out[0]
         self._closed = False
+
+    def _open(self, config: Any, out: Any) -> int:
+        """Make the bus; a status."""
+        try:
+            address = socket.getaddrinfo(self.host, self.port, socket.AF_INET, socket.SOCK_DGRAM)[0][4][0]
+        except socket.gaierror as error:
+            raise errors.CardNotFound(f"{self.host}: {error.strerror}") from error
+        return int(lib.hm2_udp_bus(str(address).encode(), self.port, config, self.bus, out, self._error))
 
     @property
     def handle(self) -> Any:
@@ -156,6 +159,11 @@ def open_transport(url: str) -> Transport:
     if not parts.hostname:
         raise ValueError(f"{url}: udp://HOST[:PORT]")
     link = UdpLink(parts.hostname, parts.port or lbp16.PORT, **_options(url))  # type: ignore[arg-type]
+    return transport_over(link, url)
+
+
+def transport_over(link: UdpLink, url: str) -> Transport:
+    """The card at the end of a link, which is closed if it is none that can be used. Errors as for a URL."""
     try:
         name, version = _identify(link)
         if version < LBP_VERSION:

@@ -1,0 +1,164 @@
+"""What a step is on each layer, which faults there are at it, and why some make no sense there."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from faults.world import World
+from hostmot2._core import lib
+
+NAMES = (
+    "lost",
+    "late",
+    "duplicated",
+    "corrupted",
+    "short",
+    "long",
+    "absent remote",
+    "remote fault",
+    "stuck command",
+    "watchdog bite",
+    "user exception",
+)
+"""The faults, in the order of the tables."""
+
+MS = 1_000_000
+US = 1_000
+USER_SIGNAL = signal.SIGUSR1
+
+
+class UserError(Exception):
+    """What the user's own code raises."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way in which a fault happens. `act` is called with the world when the step is reached."""
+
+    fault: str
+    how: str
+    kind: int = lib.HM2_FAULT_NONE
+    value: int = 0
+    repeat: int = 0
+    unseen: bool = False
+    """Nobody could tell: a value so spoilt is no value made up by the driver."""
+    lasting: bool = False
+    """It is still there when the operation ends."""
+    act: Callable[[World], None] | None = None
+
+    def at(self, step: int, world: World) -> dict[str, Any]:
+        """The fault at a step of this world, as Faults.plan() takes it."""
+        plan: dict[str, Any] = {
+            "step": step,
+            "kind": self.kind,
+            "value": self.value,
+            "repeat": self.repeat,
+        }
+        if self.act is not None:
+            act = self.act
+            plan["act"] = lambda: act(world)
+        return plan
+
+    def __str__(self) -> str:
+        return f"{self.fault} ({self.how})" if self.how else self.fault
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Steps of one kind. `source`: which counter of a world counts them."""
+
+    name: str
+    step: str
+    world: str
+    source: Callable[[World], Any]
+    variants: tuple[Variant, ...]
+    reasons: dict[str, str] = field(default_factory=dict)
+    """Faults that make no sense here, and why."""
+
+    def __post_init__(self) -> None:
+        there = {variant.fault for variant in self.variants} | set(self.reasons)
+        assert there == set(NAMES), f"{self.name}: {set(NAMES) ^ there}"
+
+
+MACHINE = (
+    Variant("absent remote", "unplugged", act=World.unplug, lasting=True),
+    Variant("remote fault", "reported", act=World.fail, lasting=True),
+)
+BITE = Variant("watchdog bite", "", act=World.bite, lasting=True)
+USER = Variant("user exception", "", lib.HM2_FAULT_SIGNAL, USER_SIGNAL)
+
+WORDS = Layer(
+    "register accesses",
+    "a word read or written over a bus",
+    "words",
+    lambda world: world.faults,
+    (
+        Variant("lost", "not carried out", lib.HM2_FAULT_LOST),
+        Variant("lost", "carried out, the answer lost", lib.HM2_FAULT_ANSWER_LOST),
+        Variant("late", "by 10 ms", lib.HM2_FAULT_LATE, 10 * MS),
+        Variant("duplicated", "", lib.HM2_FAULT_TWICE),
+        Variant("corrupted", "a bit flipped, a write refused", lib.HM2_FAULT_CORRUPT, 1, unseen=True),
+        Variant(
+            "corrupted", "a high bit flipped, a write refused", lib.HM2_FAULT_CORRUPT, 1 << 17, unseen=True
+        ),
+        Variant("short", "the answer was cut", lib.HM2_FAULT_SHORT),
+        *MACHINE,
+        Variant(
+            "stuck command", "until aborted", lib.HM2_FAULT_STUCK, lib.HM2_STUCK_UNTIL_UNJAM, lasting=True
+        ),
+        Variant("stuck command", "until reset", lib.HM2_FAULT_STUCK, lib.HM2_STUCK_UNTIL_RESET, lasting=True),
+        Variant("stuck command", "for good", lib.HM2_FAULT_STUCK, lib.HM2_STUCK_FOR_GOOD, lasting=True),
+        BITE,
+        USER,
+    ),
+    {"long": "a word has 32 bits: there is no longer one"},
+)
+
+DATAGRAMS = Layer(
+    "datagrams",
+    "a datagram, to the card or from it",
+    "datagrams",
+    lambda world: world.faults,
+    (
+        Variant("lost", "once", lib.HM2_FAULT_LOST),
+        Variant("lost", "and all behind it", lib.HM2_FAULT_LOST, repeat=-1, lasting=True),
+        Variant("late", "by 1 ms", lib.HM2_FAULT_LATE, 1 * MS),
+        Variant("late", "by 30 ms, behind its repetition", lib.HM2_FAULT_LATE, 30 * MS),
+        Variant("duplicated", "at once", lib.HM2_FAULT_TWICE),
+        Variant("duplicated", "30 ms later", lib.HM2_FAULT_TWICE, 30 * MS),
+        Variant("corrupted", "in its number", lib.HM2_FAULT_CORRUPT, 2),
+        Variant("short", "by 4 bytes", lib.HM2_FAULT_SHORT, 4),
+        Variant("long", "by 4 bytes", lib.HM2_FAULT_LONG, 4),
+        *MACHINE,
+        BITE,
+        USER,
+    ),
+    {"stuck command": "the mailbox behind the datagrams is the one of the register accesses"},
+)
+
+ANSWERS = Layer(
+    "LBP answers",
+    "an answer of a remote to the card's firmware",
+    "words",
+    lambda world: None,  # see runs.py: each remote in turn
+    (
+        Variant("lost", "", lib.HM2_FAULT_LOST),
+        Variant("lost", "and all behind it", lib.HM2_FAULT_LOST, repeat=-1, lasting=True),
+        Variant("late", "by 20 us", lib.HM2_FAULT_LATE, 20 * US),
+        Variant("late", "by 1 ms", lib.HM2_FAULT_LATE, 1 * MS),
+        Variant("duplicated", "", lib.HM2_FAULT_TWICE),
+        Variant("corrupted", "wrong CRC", lib.HM2_FAULT_CORRUPT),
+        Variant("corrupted", "no stop bit", lib.HM2_FAULT_BREAK),
+        Variant("short", "by 1 byte", lib.HM2_FAULT_SHORT, 1),
+        Variant("long", "by 1 byte", lib.HM2_FAULT_LONG, 1),
+        *MACHINE,
+        Variant("stuck command", "the remote stays busy", act=World.hang, lasting=True),
+        USER,
+    ),
+    {"watchdog bite": "the card's watchdog looks at accesses: see there"},
+)
+
+LAYERS = (WORDS, DATAGRAMS, ANSWERS)
