@@ -10,6 +10,7 @@ from pathlib import Path
 import click
 
 from hostmot2.bench import host
+from hostmot2.bench.progress import say
 from hostmot2.bench.report import Report, compare, document
 
 # name: module with `run(count: int | None) -> Report`, what it measures
@@ -22,6 +23,12 @@ BENCHMARKS = {
     "doit": ("hostmot2.bench.doit", "smart serial exchanges from Python on the emulated card"),
 }
 
+EXAMPLES = (
+    "doit --count 1000",
+    "doit pack -o today.json --plot today.png",
+    "doit --compare today.json",
+)
+
 
 def run_benchmark(name: str, count: int | None = None) -> Report:
     """Run one benchmark. KeyError: no such. ImportError: what it needs is not installed."""
@@ -29,7 +36,16 @@ def run_benchmark(name: str, count: int | None = None) -> Report:
     return run(count)
 
 
-@click.command(help="Measure. " + " ".join(f"{name}: {text}." for name, (_, text) in BENCHMARKS.items()))
+def _help() -> str:
+    told = "\n".join(f"  {name:<6} {text}" for name, (_, text) in BENCHMARKS.items())
+    examples = "\n".join(f"  hm2 bench {line}" for line in EXAMPLES)
+    return (
+        f"Measure this package on this machine, all without a NAME.\n\n\b\n{told}\n\n"
+        f"Nothing else should run meanwhile; SCHED_FIFO is used where permitted.\n\n\b\nExamples:\n{examples}"
+    )
+
+
+@click.command(help=_help())
 @click.argument("names", nargs=-1, type=click.Choice(list(BENCHMARKS)), metavar="[NAME]...")
 @click.option("--count", type=click.IntRange(min=1), help="Rounds or cycles; each benchmark has its default.")
 @click.option("-o", "output", type=click.Path(dir_okay=False, path_type=Path), help="Write JSON here.")
@@ -51,11 +67,15 @@ def bench(
     old: Path | None,
     as_json: bool,
 ) -> None:
-    """Run the benchmarks named, all without a name."""
+    """Run the benchmarks named."""
     as_json = as_json or getattr(context.obj, "as_json", False)  # hm2 --json bench
     facts = host.facts()
     with host.quiet() as scheduling:
-        reports = [run_benchmark(name, count) for name in names or BENCHMARKS]
+        reports = []
+        for place, name in enumerate(names or BENCHMARKS, 1):
+            # no moving bar: it would take the processor from what is measured
+            say(f"measuring {name} ({place} of {len(names or BENCHMARKS)})")
+            reports.append(run_benchmark(name, count))
     found = document(reports, facts, scheduling)
     if output:
         output.write_text(json.dumps(found, indent=1) + "\n")

@@ -17,7 +17,7 @@ def show(session: Session, card: str, connector: str | None, svg: Path | None) -
     facts = WIRING[card.lower()]
     if svg is not None:
         svg.write_text(draw(facts), encoding="utf-8")
-        click.echo(f"written: {svg}", err=True)
+        session.report({"file": str(svg)}, f"{svg}: {facts.title}")
         return
     if connector is not None and connector.upper() not in {each.name.upper() for each in facts.connectors}:
         names = ", ".join(each.name for each in facts.connectors)

@@ -19,11 +19,16 @@ from hostmot2.cli.session import Session, reports, rows
 @click.option("--side-effects", is_flag=True, help="Read FIFOs and the like, too: what is read is gone.")
 @reports
 def dump(session: Session, output: Path | None, side_effects: bool) -> None:
-    """Write every readable register as text.
+    """Write every readable register as text, for bug reports.
 
     The file opens as a read-only board, --board dump://FILE, and as an emulated card with the same modules
     and pins, --board emu:///PATH. Registers whose reading changes something (FIFOs, the DPLL's Sync) are
     named but left out.
+
+    \b
+    Examples:
+      hm2 dump -o before.hm2dump
+      hm2 dump --side-effects -o all.hm2dump
     """
     with session.board() as board:
         taken = dumps.take(board, side_effects=side_effects)
@@ -49,7 +54,15 @@ def _document(taken: dumps.Dump) -> dict[str, object]:
 @click.argument("right", metavar="B")
 @reports
 def diff(session: Session, left: str, right: str) -> None:
-    """Show the registers in which A and B differ: dump files, or URLs of cards."""
+    """Show the registers in which A and B differ.
+
+    A and B are dump files, or URLs of cards.
+
+    \b
+    Examples:
+      hm2 diff before.hm2dump after.hm2dump
+      hm2 diff before.hm2dump "emu://5i25+7i77?clock=virtual"
+    """
     found = dumps.compare(_load(left), _load(right))
     lines = [(f"0x{each.address:04X}", _word(each.left), _word(each.right), each.name) for each in found]
     shown = rows(("address", left, right, "register"), lines) if lines else "no difference"

@@ -63,13 +63,19 @@ def emulate(
     priority: int,
     spin_us: int,
 ) -> None:
-    """Serve an emulated Ethernet card, such as 7i92+7i77, until SIGINT or SIGTERM.
+    """Serve an emulated Ethernet card until SIGINT or SIGTERM.
 
     SPEC may be a register dump (FILE.hm2dump, see `hm2 dump`): the modules and pins of the card it is of.
 
     Prints one line when it is ready. It listens on loopback unless told otherwise. FAULTS act on datagrams:
     loss, dup and reorder in percent, delay and jitter with us or ms, direction=requests|replies|both,
     seed=N.
+
+    \b
+    Examples:
+      hm2 emulate 7i92+7i77
+      hm2 emulate 7i92+7i77 --listen 127.0.0.1:0 --control /tmp/card
+      hm2 emulate 7i92+7i77 --fault loss=1%,delay=200us
     """
     given = {"name": name, "mac": mac, "ip": ip}
     changes: dict[str, Any] = {key: value for key, value in given.items() if value}
@@ -95,9 +101,9 @@ def emulate(
 
 
 @click.group()
-@click.option("--control", type=click.Path(path_type=Path), required=True, help="As given to `hm2 emulate`.")
+@click.option("--control", type=click.Path(path_type=Path), help="As given to `hm2 emulate`.")
 @click.pass_context
-def emu(context: click.Context, control: Path) -> None:
+def emu(context: click.Context, control: Path | None) -> None:
     """Look into and steer a running `hm2 emulate`.
 
     Keys: output, input, analogout0..5, analogena, spinena, encoder0_rate.., encoder0_position.., led0..,
@@ -107,20 +113,41 @@ def emu(context: click.Context, control: Path) -> None:
     context.meta["control"] = control
 
 
+def _control(context: click.Context) -> Path:
+    control: Path | None = context.meta["control"]
+    if control is None:
+        raise click.UsageError("which card? hm2 emu --control PATH, as given to `hm2 emulate`")
+    return control
+
+
 @emu.command()
 @click.argument("key")
 @reports
 @click.pass_context
 def get(context: click.Context, session: Session, key: str) -> None:
-    """Print a key's value, a plain number."""
-    value = ask(context.meta["control"], "get", key)
+    """Print a key's value, a plain number.
+
+    \b
+    Examples:
+      hm2 emu --control /tmp/card get analogout0
+      hm2 emu --control /tmp/card get 1.output
+    """
+    value = ask(_control(context), "get", key)
     session.report({key: float(value)}, value)
 
 
 @emu.command("set", context_settings={"ignore_unknown_options": True})
 @click.argument("key")
-@click.argument("value")
+@click.argument("value", type=float)
+@reports
 @click.pass_context
-def set_(context: click.Context, key: str, value: str) -> None:
-    """Set a key to a number."""
-    ask(context.meta["control"], "set", key, value)
+def set_(context: click.Context, session: Session, key: str, value: float) -> None:
+    """Set a key to a number.
+
+    \b
+    Examples:
+      hm2 emu --control /tmp/card set encoder0_rate 1000
+      hm2 emu --control /tmp/card set fault.loss 0.01
+    """
+    ask(_control(context), "set", key, f"{value:.17g}")
+    session.report({key: value})

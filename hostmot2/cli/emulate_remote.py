@@ -21,11 +21,17 @@ from hostmot2.emulator.remote_state import RemoteState
 def emulate_remote(
     name: str, pty: bool, state: Path | None, operate: bool, crc_off: bool, unit: int | None
 ) -> None:
-    """Serve an emulated remote, such as 8i20, 7i77-io, 7i77-analog or 7i64.
+    """Serve an emulated remote on a pseudo terminal.
 
-    Prints `ready PATH` when PATH can be opened as a serial port. Commands on standard input, one a line:
-    power-cycle, setup, operate (jumper, power cycle), crc on, crc off, set NAME VALUE, get NAME, quit.
-    SIGUSR1 cycles the power; SIGINT and SIGTERM end it with status 0.
+    NAME is 8i20, 7i77-io, 7i77-analog, 7i64 or another of the catalogue. Prints `ready PATH` when PATH can be
+    opened as a serial port. Commands on standard input, one a line: power-cycle, setup, operate (jumper,
+    power cycle), crc on, crc off, set NAME VALUE, get NAME, quit. SIGUSR1 cycles the power; SIGINT and
+    SIGTERM end it with status 0.
+
+    \b
+    Examples:
+      hm2 emulate-remote 8i20 --pty
+      hm2 emulate-remote 7i77-io --pty --state 7i77.json
     """
     if not pty:
         raise click.UsageError("where? --pty puts it on a pseudo terminal")

@@ -13,6 +13,7 @@ import click
 
 from hostmot2.bitfile import Bitfile, read_bitfile
 from hostmot2.cli.adapters import report_adapters
+from hostmot2.cli.progress import stages
 from hostmot2.cli.session import Session, reports, rows
 from hostmot2.ethernet import EthernetService, Flash, discover
 from hostmot2.ethernet.discovery import DEFAULT_ADDRESSES
@@ -57,17 +58,26 @@ def discover_cards(
 
     ADDRESSES in place of the two that cards are shipped with (192.168.1.121 and 10.10.10.10). The ARP table
     is looked through for cards, too. Nothing is written to any card.
+
+    \b
+    Examples:
+      hm2 discover
+      hm2 discover 10.10.10.10
+      hm2 discover --subnet 192.168.1.0/24
+      hm2 discover --serial
     """
     if serial:
         report_adapters(context, session)
         return
-    found = discover(
-        addresses or DEFAULT_ADDRESSES,
-        subnets=subnets,
-        interface_names=interfaces,
-        timeout=timeout,
-        port=port,
-    )
+    with stages() as advance:
+        found = discover(
+            addresses or DEFAULT_ADDRESSES,
+            subnets=subnets,
+            interface_names=interfaces,
+            timeout=timeout,
+            port=port,
+            progress=advance,
+        )
     pci = find_cards()
     lines = [(card.url, card.name or "?", card.mac) for card in found.cards]
     lines += [(card.url, card.model, "") for card in pci]
@@ -88,9 +98,14 @@ def discover_cards(
 @click.option("--yes", is_flag=True, help="Write ADDRESS.")
 @reports
 def ip(session: Session, address: str | None, yes: bool) -> None:
-    """Show who the card is and where, or store ADDRESS in its EEPROM.
+    """Who the card is and where; or store ADDRESS in it.
 
-    The new address holds from the next power-up or engine reset, with the jumpers on EEPROM.
+    ADDRESS goes into its EEPROM and holds from the next power-up or engine reset, with the jumpers on EEPROM.
+
+    \b
+    Examples:
+      hm2 --board udp://192.168.1.121 ip
+      hm2 --board udp://192.168.1.121 ip 10.10.10.10 --yes
     """
     with _link(session) as link:
         service = EthernetService(link)
@@ -126,7 +141,14 @@ def ip(session: Session, address: str | None, yes: bool) -> None:
 @click.option("--yes", is_flag=True, help="Do it: a reload switches all outputs off.")
 @reports
 def reload(session: Session, fallback: bool, engine: bool, yes: bool) -> None:
-    """Configure the FPGA anew from its flash, and wait until the card is back."""
+    """Configure the FPGA anew from its flash; wait for the card.
+
+    \b
+    Examples:
+      hm2 --board udp://10.10.10.10 reload --yes
+      hm2 --board udp://10.10.10.10 reload --fallback --yes
+      hm2 --board udp://10.10.10.10 reload --engine --yes
+    """
     if not yes:
         raise click.UsageError("a reload switches the card's outputs off: --yes")
     with _link(session) as link:
@@ -150,7 +172,12 @@ def flash() -> None:
 @flash.command()
 @reports
 def info(session: Session) -> None:
-    """Size, user area and boot block."""
+    """Size, user area and boot block.
+
+    \b
+    Examples:
+      hm2 --board udp://10.10.10.10 flash info
+    """
     with _link(session) as link:
         found = Flash(link).info()
     boot = {None: "none", True: "as shipped", False: "NOT as shipped"}[found.boot_block_ok]
@@ -167,9 +194,14 @@ def info(session: Session) -> None:
 @click.option("-o", "output", type=click.Path(path_type=Path), required=True)
 @reports
 def backup(session: Session, output: Path) -> None:
-    """Copy the whole flash to a file, with its SHA-256 beside it."""
-    with _link(session) as link:
-        data = Flash(link).backup()
+    """Copy the whole flash to a file, with its SHA-256 beside it.
+
+    \b
+    Examples:
+      hm2 --board udp://10.10.10.10 flash backup -o flash.bin
+    """
+    with _link(session) as link, stages() as advance:
+        data = Flash(link).backup(advance)
     output.write_bytes(data)
     digest = hashlib.sha256(data).hexdigest()
     output.with_name(output.name + ".sha256").write_text(f"{digest} *./{output.name}\n")
@@ -187,10 +219,15 @@ def _image(path: Path) -> Bitfile:
 @click.argument("file", type=click.Path(path_type=Path))
 @reports
 def verify(session: Session, file: Path) -> None:
-    """Compare the user area with an image."""
+    """Compare the user area with an image.
+
+    \b
+    Examples:
+      hm2 --board udp://10.10.10.10 flash verify 7i92_7i77.bit
+    """
     image = _image(file)
-    with _link(session) as link:
-        Flash(link).verify(image)
+    with _link(session) as link, stages() as advance:
+        Flash(link).verify(image, advance)
     session.report({"verified": len(image.data)}, f"{len(image.data)} bytes are as in {file}")
 
 
@@ -200,12 +237,20 @@ def verify(session: Session, file: Path) -> None:
 @click.option("--yes", is_flag=True, help="Do it.")
 @reports
 def write(session: Session, file: Path, dry_run: bool, yes: bool) -> None:
-    """Write an image to the user area and verify it. It runs from the next reload or power-up."""
+    """Write an image to the user area and verify it.
+
+    It runs from the next `hm2 reload` or power-up.
+
+    \b
+    Examples:
+      hm2 --board udp://10.10.10.10 flash write 7i92_7i77.bit --dry-run
+      hm2 --board udp://10.10.10.10 flash write 7i92_7i77.bit --yes
+    """
     if not (dry_run or yes):
         raise click.UsageError("writing the flash needs --yes (or --dry-run)")
     image = _image(file)
-    with _link(session) as link:
-        sectors = Flash(link).write(image, dry_run=dry_run)
+    with _link(session) as link, stages() as advance:
+        sectors = Flash(link).write(image, dry_run=dry_run, progress=advance)
     what = "would be written" if dry_run else "written and verified"
     document = {"sectors": sectors, "bytes": len(image.data), "dry_run": dry_run}
     session.report(document, f"{len(image.data)} bytes in {sectors} sectors {what}")

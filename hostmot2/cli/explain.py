@@ -35,7 +35,7 @@ def _complete(_context: click.Context, _parameter: click.Parameter, typed: str) 
 @click.argument("what", required=False, metavar="[WHAT]", shell_complete=_complete)
 @reports
 def explain(session: Session, what: str | None) -> None:
-    """Say in plain words what a code, a status word or a register means, and what to do.
+    """What a code, status word or register means; what to do.
 
     WHAT is an error's code or name, a smart-serial CS word as messages show it, a COMMAND or DATA word by its
     name, or ADDRESS=VALUE for any register. Registers are those of --board if one is given, else of cards

@@ -18,7 +18,14 @@ from hostmot2.wiring import WIRING
 @click.command()
 @reports
 def info(session: Session) -> None:
-    """What the card is: names, clocks, ports."""
+    """What the card is: names, clocks, ports.
+
+    \b
+    Examples:
+      hm2 info
+      hm2 --board pci:// info
+      hm2 --board udp://10.10.10.10 --json info
+    """
     with session.board() as board:
         idrom = board.idrom
         lines = [
@@ -50,7 +57,13 @@ def _info(board: Board) -> dict[str, Any]:
 @click.command()
 @reports
 def modules(session: Session) -> None:
-    """What the loaded firmware contains."""
+    """Modules, instances and versions of the loaded firmware.
+
+    \b
+    Examples:
+      hm2 modules
+      hm2 --board emu://7i76e modules
+    """
     header = ("module", "gtag", "version", "instances", "base", "registers", "clock")
     with session.board() as board:
         lines = [
@@ -81,6 +94,12 @@ def pins(session: Session, card: str | None, connector: str | None, svg: Path | 
 
     With CARD: the terminals, jumpers, LEDs and limits of that daughter card, and what to check before
     power-up; no board is opened.
+
+    \b
+    Examples:
+      hm2 pins
+      hm2 pins 7i77 --connector TB5
+      hm2 pins 8i20 --svg 8i20.svg
     """
     if card is not None:
         daughter.show(session, card, connector, svg)

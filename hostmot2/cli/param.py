@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from hostmot2.cli.parameter_text import document, in_unit, shown
+from hostmot2.cli.progress import stages
 from hostmot2.cli.remote_place import Place, parameters_in_place, parse_place, place_options
 from hostmot2.cli.serial_remote import HEX, port_options
 from hostmot2.cli.session import Session, reports, rows
@@ -70,12 +71,25 @@ def _row(parameter: Parameter, value: Number) -> tuple[object, ...]:
 def list_all(
     session: Session, arguments: tuple[str, ...], channel: Place | None, port: str | None, baud: int | None
 ) -> None:
-    """All parameters and their values. An address with ? is derived, not confirmed."""
+    """All parameters and their values.
+
+    An address with ? is derived, not confirmed.
+
+    \b
+    Examples:
+      hm2 param list
+      hm2 param list 0.1
+      hm2 param list -p emu:8i20
+    """
     channel, rest = _where(arguments, channel, port)
     if rest:
         raise click.UsageError(f"{' '.join(rest)}: hm2 param get reads single ones")
-    with parameters_in_place(session, channel, port, baud) as (found, parameters):
-        read = [(parameter, parameter.read()) for parameter in map(parameters.parameter, parameters)]
+    with parameters_in_place(session, channel, port, baud) as (found, parameters), stages() as advance:
+        read = []
+        for done, name in enumerate(parameters, 1):
+            parameter = parameters.parameter(name)
+            read.append((parameter, parameter.read()))
+            advance("parameters", done, len(parameters))
     facts = {
         "remote": found.name,
         "unit_number": found.unit_number,
@@ -91,7 +105,13 @@ def list_all(
 def get(
     session: Session, arguments: tuple[str, ...], channel: Place | None, port: str | None, baud: int | None
 ) -> None:
-    """Read parameters; H: hexadecimal."""
+    """Read parameters; H: hexadecimal.
+
+    \b
+    Examples:
+      hm2 param get 0.0 NVWATCHDOGTIMEOUT
+      hm2 param get SWREVISION UNITNUMBER H -p emu:8i20
+    """
     channel, names = _where(arguments, channel, port)
     hexadecimal = len(names) > 1 and names[-1].upper() == "H"
     names = names[:-1] if hexadecimal else names
@@ -119,7 +139,13 @@ def set_one(
     port: str | None,
     baud: int | None,
 ) -> None:
-    """Write a parameter and read it back; H: VALUE is hexadecimal."""
+    """Write a parameter and read it back; H: hexadecimal.
+
+    \b
+    Examples:
+      hm2 param set 0.0 NVWATCHDOGTIMEOUT 60 --dry-run
+      hm2 param set KQP 2000 --save -p emu:8i20
+    """
     channel, rest = _where(arguments, channel, port)
     if len(rest) not in (2, 3) or (len(rest) == 3 and rest[2].upper() not in HEX.choices[0].upper()):
         raise click.UsageError("NAME VALUE [H]")
@@ -175,7 +201,13 @@ def save(
     port: str | None,
     baud: int | None,
 ) -> None:
-    """Store working values in EEPROM: the named ones, or all that can be."""
+    """Store working values in EEPROM: the named ones, or all.
+
+    \b
+    Examples:
+      hm2 param save KQP -p emu:8i20
+      hm2 param save --dry-run -p emu:8i20
+    """
     channel, names = _where(arguments, channel, port)
     with parameters_in_place(session, channel, port, baud) as (_, parameters):
         pairs = []
@@ -205,10 +237,16 @@ def backup(
     port: str | None,
     baud: int | None,
 ) -> None:
-    """Write the stored parameters into a file."""
+    """Write the stored parameters into a file.
+
+    \b
+    Examples:
+      hm2 param backup 0.0 7i77.toml
+      hm2 param backup --all 8i20.toml -p emu:8i20
+    """
     channel, (file,) = _files(arguments, channel, port, 1)
-    with parameters_in_place(session, channel, port, baud) as (found, parameters):
-        taken = backups.take(found, parameters, everything=everything)
+    with parameters_in_place(session, channel, port, baud) as (found, parameters), stages() as advance:
+        taken = backups.take(found, parameters, everything=everything, progress=advance)
         backups.write(taken, file, parameters)
     facts = {"file": str(file), "remote": found.name, "unit_number": found.unit_number}
     session.report(
@@ -239,7 +277,13 @@ def restore(
     port: str | None,
     baud: int | None,
 ) -> None:
-    """Put a file's values back; only what differs is written."""
+    """Put a file's values back; only what differs is written.
+
+    \b
+    Examples:
+      hm2 param restore 0.0 7i77.toml --dry-run
+      hm2 param restore 0.0 7i77.toml
+    """
     channel, (file,) = _files(arguments, channel, port, 1)
     wanted = backups.read(file)
     with parameters_in_place(session, channel, port, baud) as (found, parameters):
@@ -265,7 +309,13 @@ def diff(
     port: str | None,
     baud: int | None,
 ) -> None:
-    """What differs between a file and the remote, or between two files; status 1 if anything does."""
+    """What differs between a file and a remote, or two files; 1 if any.
+
+    \b
+    Examples:
+      hm2 param diff 0.0 7i77.toml
+      hm2 param diff 7i77.toml 7i77.toml
+    """
     channel, files = _files(arguments, channel, port, 2)
     first = backups.read(files[0])
     if len(files) == 2:

@@ -13,6 +13,7 @@ from typing import Any
 import click
 
 from hostmot2.board import Board
+from hostmot2.cli.progress import stages
 from hostmot2.cli.session import Session, reports, rows
 from hostmot2.emulator.control import ask
 from hostmot2.registers import Gtag
@@ -40,19 +41,29 @@ def _recording() -> ModuleType:
 def record(
     session: Session, output: Path, rate: float, seconds: float | None, json_rate: float, real_time: bool
 ) -> None:
-    """Record what the card reports: every cycle, inputs and raw registers.
+    """Record every cycle: inputs and raw registers.
 
     Remotes that answer are started with their outputs at zero; nothing is switched on. Every cycle is in the
     file for `hm2 play`, `plot` and `export`; viewers such as Foxglove get JSON at --json-rate.
+
+    \b
+    Examples:
+      hm2 record -o run.mcap --seconds 2
+      hm2 --board udp://10.10.10.10 record -o run.mcap --rate 2000 --real-time
     """
     recording = _recording()
     with session.board() as board:
         _start_remotes(board)
         engine = board.engine(rate, real_time=real_time)
         recorder = recording.record(engine, output, json_rate=json_rate)
-        with recorder, engine, _until(board, seconds) as over:
+        began = board.now_ns()
+        with recorder, engine, _until(board, seconds) as over, stages() as advance:
             while not over() and recorder.failure is None:
                 _pass(board, engine, 0.05)
+                if seconds:
+                    advance(
+                        "seconds", min(round((board.now_ns() - began) / 1e9), round(seconds)), round(seconds)
+                    )
                 for event in engine.events():
                     recorder.log(str(event), "warning", "engine", event.time_ns)
         counters = recorder.counters
@@ -112,9 +123,15 @@ def play(
     speed: float,
     mapped: tuple[str, ...],
 ) -> None:
-    """Show a recording as text, or play it into the inputs of an emulated card.
+    """Show a recording as text, or play it to an emulator.
 
     Without --map the emulator gets the process data that remotes sent and the encoders' positions.
+
+    \b
+    Examples:
+      hm2 play run.mcap --every 100
+      hm2 play run.mcap -c total_us --json
+      hm2 play run.mcap --control /tmp/card
     """
     run = _recording().read(file)
     if control is not None:
@@ -187,7 +204,13 @@ def _pair(text: str) -> tuple[str, str]:
 @COLUMNS
 @reports
 def plot(session: Session, file: Path, output: Path, columns: tuple[str, ...]) -> None:
-    """Draw a recording: one axes per unit, below them how long cycles took."""
+    """Draw a recording, an axes per unit, and cycle times.
+
+    \b
+    Examples:
+      hm2 plot run.mcap -o run.png
+      hm2 plot run.mcap -o run.svg -c total_us
+    """
     recording = _recording()
     recording.plot(recording.read(file), output, columns)
     session.report({"file": str(output)}, str(output))
@@ -199,7 +222,13 @@ def plot(session: Session, file: Path, output: Path, columns: tuple[str, ...]) -
 @COLUMNS
 @reports
 def export(session: Session, file: Path, output: Path, columns: tuple[str, ...]) -> None:
-    """Write a recording as CSV or Parquet: a row per cycle, a column per signal."""
+    """Write a recording as CSV or Parquet, a row per cycle.
+
+    \b
+    Examples:
+      hm2 export run.mcap -o run.csv
+      hm2 export run.mcap -o run.csv -c total_us
+    """
     recording = _recording()
     writers = {".csv": recording.to_csv, ".parquet": recording.to_parquet}
     if output.suffix not in writers:

@@ -16,9 +16,14 @@ from hostmot2.inventory import Inventory
 @click.argument("count", type=click.IntRange(1, 0x4000), default=1, metavar="[N]")
 @reports
 def peek(session: Session, address: int, count: int) -> None:
-    """Read N words from byte address ADDR on.
+    """Read N words from byte address ADDR on, decoded.
 
     Some registers do something when they are read; that is said on stderr.
+
+    \b
+    Examples:
+      hm2 peek 0x0100 4
+      hm2 --board pci:// --json peek 0x1000
     """
     if address + 4 * count > 0x10000:
         raise click.UsageError(f"{count} words from 0x{address:04X} on reach beyond 0xFFFF")
@@ -80,7 +85,15 @@ def _document(address: int, word: int, here: tuple[RegisterAt, ...]) -> dict[str
 @click.option("--yes", is_flag=True, help="Really write: outputs may move machines.")
 @reports
 def poke(session: Session, address: int, value: int, yes: bool) -> None:
-    """Write VALUE to the register at byte address ADDR. Needs --yes."""
+    """Write VALUE to the register at byte address ADDR. Needs --yes.
+
+    Without --yes nothing is written and it says what would be.
+
+    \b
+    Examples:
+      hm2 poke 0x1104 0x155
+      hm2 poke 0x1104 0x155 --yes
+    """
     with session.board() as board:
         here = _names(_by_address(board.inventory).get(address, ())) or "an unknown register"
         what = f"0x{value:08X} to 0x{address:04X} ({here})"

@@ -94,6 +94,11 @@ def rpd(session: Session, name: str, hexadecimal: str | None, port: str | None, 
 
     Names in any capitals. The remote must be in set-up mode, or run at the rate given. Environment: COMPORT,
     BAUDRATE, BAUDRATEMUL, PROTOCOL=LBP, INTERFACE=OSDEVICE.
+
+    \b
+    Examples:
+      hm2 rpd BUSV -p /dev/ttyUSB0
+      hm2 rpd FAULT H -p emu:8i20
     """
     with remote_at(port, baud) as remote:
         parameter = parameters(remote).parameter(name)
@@ -120,11 +125,16 @@ def wpd(
     port: str | None,
     baud: int | None,
 ) -> None:
-    """Write VALUE to parameter NAME of a remote; H: VALUE is hexadecimal.
+    """Write VALUE to parameter NAME of a remote; H: hexadecimal.
 
     The value is checked against type and range and read back. Parameters whose names start with NV are kept
     in EEPROM and take effect after a power cycle; one that holds the value already is not written.
     Environment as for rpd.
+
+    \b
+    Examples:
+      hm2 wpd NVMAXCURRENT 2500 -p /dev/ttyUSB0
+      hm2 wpd NVBRAKEONV 32000 --dry-run -p emu:8i20
     """
     with remote_at(port, baud) as remote:
         parameter = parameters(remote).parameter(name)

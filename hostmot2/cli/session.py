@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -29,12 +30,21 @@ class Session:
 
     url: str | None = None
     as_json: bool = False
+    verbose: bool = False
 
     @contextmanager
     def board(self) -> Iterator[Board]:
         """The board the user means, open; its outputs go off and it is closed at the end."""
-        with hostmot2.open(self.board_url()) as board:
+        url, began = self.board_url(), time.monotonic()
+        with hostmot2.open(url) as board:
+            self.say(f"{url} open after {1e3 * (time.monotonic() - began):.1f} ms: {board!r}")
             yield board
+        self.say(f"{url} closed, outputs off")
+
+    def say(self, text: str) -> None:
+        """With --verbose: what is done, on stderr."""
+        if self.verbose:
+            click.echo(f"hm2: {text}", err=True)
 
     def board_url(self) -> str:
         """--board, else $HM2_BOARD, else the emulated card, which is said on stderr."""

@@ -14,7 +14,7 @@ UDEV_RULES = Path("/etc/udev/rules.d/70-hostmot2.rules")
 
 @click.group()
 def setup() -> None:
-    """What this machine needs to drive cards: prints the files, --write installs them."""
+    """Files this machine needs: printed, or installed."""
 
 
 @setup.command()

@@ -69,6 +69,12 @@ def scan(session: Session, number: int) -> None:
 
     Where a remote should have answered, what to check follows, in the order in which it is likely: that
     depends on which of a card's remotes did answer. A remote whose set-up jumper is in place is found, too.
+
+    \b
+    Examples:
+      hm2 sserial scan
+      hm2 --board "emu://5i25+7i77?silent=0" sserial scan
+      hm2 --json sserial scan
     """
     with _port(session, number) as (_, port):
         found = port.scan(setup_rate=True)
@@ -94,9 +100,15 @@ def scan(session: Session, number: int) -> None:
 def start(
     context: click.Context, session: Session, mask: int, setup: bool, seconds: float, number: int
 ) -> None:
-    """Start the channels in MASK (bit n: channel n); 6 if one did not start.
+    """Start the channels in MASK (bit n: channel n); 6 if one did not.
 
     Outputs stay zero. With --run the inputs are shown as they were at the end.
+
+    \b
+    Examples:
+      hm2 sserial start 0x03
+      hm2 sserial start 0x01 --run 2
+      hm2 sserial start 0x02 --setup
     """
     with _port(session, number) as (board, port):
         result = port.start(mask, "setup" if setup else "normal")
@@ -134,7 +146,13 @@ def _inputs(port: SserialPort, mask: int) -> dict[int, dict[str, Any]]:
 @port_option
 @reports
 def stop(session: Session, mask: int | None, number: int) -> None:
-    """Stop the channels in MASK, all without one."""
+    """Stop the channels in MASK, all without one.
+
+    \b
+    Examples:
+      hm2 sserial stop
+      hm2 sserial stop 0x02
+    """
     with _port(session, number) as (_, port):
         port.stop(mask)
     session.report({"stopped": 0xFF if mask is None else mask}, "stopped")
@@ -144,7 +162,13 @@ def stop(session: Session, mask: int | None, number: int) -> None:
 @port_option
 @reports
 def status(session: Session, number: int) -> None:
-    """The CS register of every channel, in words."""
+    """The CS register of every channel, in words.
+
+    \b
+    Examples:
+      hm2 sserial status
+      hm2 --json sserial status --port 0
+    """
     lines, document = [], []
     with _port(session, number) as (_, port):
         for channel in port.channels:
@@ -163,7 +187,15 @@ def status(session: Session, number: int) -> None:
 @port_option
 @reports
 def counters(session: Session, number: int) -> None:
-    """The firmware's error counters of every channel since its last stop."""
+    """The firmware's error counters of every channel.
+
+    They count from the channel's last stop, up to 20 of each kind.
+
+    \b
+    Examples:
+      hm2 sserial counters
+      hm2 --json sserial counters
+    """
     with _port(session, number) as (_, port):
         counted = [asdict(row) for row in port.counters()]
     header = [name.replace("_", " ") for name in counted[0]] if counted else []

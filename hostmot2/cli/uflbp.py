@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,9 +12,8 @@ from types import FrameType
 from typing import Any
 
 import click
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 
+from hostmot2.cli.progress import stages
 from hostmot2.cli.remote_place import place_options, remote_in_place
 from hostmot2.cli.serial_remote import port_options
 from hostmot2.cli.session import Session, reports
@@ -45,6 +43,12 @@ def uflbp(
     The remote must be in set-up mode, motor power off. Its name must be in the file's. Erase block 0 with
     the boot loader is never touched, so that an update that failed can be repeated; leave the power on until
     one is through. Then cycle the power and check the revision.
+
+    \b
+    Examples:
+      hm2 uflbp 8I20_A50.BIN -p /dev/ttyUSB0 --dry-run
+      hm2 uflbp 8I20_A50.BIN -p emu:8i20
+      hm2 --board "emu://5i25+7i77?setup=1" uflbp 7I77_A15.BIN -c 0.1
     """
     firmware = read_firmware(file)
     with remote_in_place(session, channel, port, baud, flash=True) as remote:
@@ -60,11 +64,11 @@ def uflbp(
         record = _Record(firmware, todo)
         done = record.done() if resume else 0
         click.echo(f"hm2: {said}" + (f"; {done} done before" if done else ""), err=True)
-        with _bar(len(todo.blocks), done) as advance, _no_interrupt() as interrupted:
+        with stages() as advance, _no_interrupt() as interrupted:
 
-            def after_block(count: int, _all: int) -> None:
+            def after_block(count: int, total: int) -> None:
                 record.keep(count)
-                advance(count)
+                advance("blocks", count, total)
                 if interrupted():
                     raise KeyboardInterrupt
 
@@ -116,23 +120,6 @@ class _Record:
     def forget(self) -> None:
         """The update is through."""
         self._path.unlink(missing_ok=True)
-
-
-@contextmanager
-def _bar(total: int, done: int) -> Iterator[Any]:
-    columns = ("block", "{task.completed:.0f}/{task.total:.0f}")
-    console = Console(stderr=True)
-    with Progress(
-        columns[0],
-        columns[1],
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
-        console=console,
-        disable=not sys.stderr.isatty(),
-    ) as progress:
-        task = progress.add_task("", total=total, completed=done)
-        yield lambda count: progress.update(task, completed=count)
 
 
 @contextmanager

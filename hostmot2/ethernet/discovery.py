@@ -12,7 +12,7 @@ import select
 import socket
 import struct
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -29,6 +29,7 @@ VENDOR_PREFIX: Final = "00:60:1b"
 COOKIE: Final = 0x55AACAFE
 _COOKIE_READ: Final = lbp16.read(Lbp16Space.HOSTMOT2, 0x100, increment=False)
 _MAX_HOSTS: Final = 4096
+Progress = Callable[[str, int, int], object]
 _SIOCGIFADDR, _SIOCGIFNETMASK = 0x8915, 0x891B
 
 
@@ -62,6 +63,10 @@ class Interface:
 
     name: str
     network: ipaddress.IPv4Interface
+
+
+def _silent(_what: str, _done: int, _total: int) -> None:
+    """Nobody looks."""
 
 
 def interfaces() -> list[Interface]:
@@ -120,7 +125,9 @@ def hints(addresses: Iterable[str], known: Sequence[Interface]) -> list[str]:
     return told
 
 
-def answers(addresses: Iterable[str], timeout: float = 0.3, port: int = lbp16.PORT) -> list[str]:
+def answers(
+    addresses: Sequence[str], timeout: float = 0.3, port: int = lbp16.PORT, progress: Progress = _silent
+) -> list[str]:
     """Those of the addresses where something answers a read of the cookie with the cookie."""
     found: dict[str, None] = {}
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
@@ -129,7 +136,9 @@ def answers(addresses: Iterable[str], timeout: float = 0.3, port: int = lbp16.PO
             _ask(sock, address, port)
             if count % 32 == 0:  # the kernel holds few unresolved neighbours
                 _collect(sock, port, time.monotonic() + 0.02, found)
+                progress("asked", count, len(addresses))
         _collect(sock, port, time.monotonic() + timeout, found)
+        progress("asked", len(addresses), len(addresses))
     return list(found)
 
 
@@ -171,15 +180,17 @@ def discover(
     interface_names: Sequence[str] = (),
     timeout: float = 0.3,
     port: int = lbp16.PORT,
+    progress: Progress = _silent,
 ) -> Discovery:
     """Ask `addresses`, the maker's in the ARP table, and every host of `subnets` and of interfaces' networks.
 
-    timeout: seconds to wait for answers. Raises ValueError for a network that is none or is too big.
+    timeout: seconds to wait for answers. progress: called with "asked", how many, of how many.
+    Raises ValueError for a network that is none or is too big.
     """
     known = interfaces()
     networks = [*subnets, *_networks_of(interface_names, known)]
     targets = list(dict.fromkeys([*addresses, *arp_addresses(), *_hosts(networks)]))
-    found = answers(targets, timeout, port)
+    found = answers(targets, timeout, port, progress)
     cards = tuple(_identify(address, port, timeout) for address in found)
     missing = [address for address in addresses if address not in found]
     return Discovery(cards, len(targets), tuple(hints(missing, known)))

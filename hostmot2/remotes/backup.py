@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -41,12 +41,24 @@ class Difference:
     after: Number | None
 
 
-def take(description: RemoteDescription, parameters: Parameters, *, everything: bool = False) -> Backup:
-    """Read the stored parameters, and with `everything` the working ones that can be set."""
+def take(
+    description: RemoteDescription,
+    parameters: Parameters,
+    *,
+    everything: bool = False,
+    progress: Callable[[str, int, int], object] = lambda *_: None,
+) -> Backup:
+    """Read the stored parameters, and with `everything` the working ones that can be set.
+
+    progress: called with "parameters", how many are read, of how many.
+    """
     found = [parameters.parameter(name) for name in parameters]
-    stored = {p.name: p.read() for p in found if p.nonvolatile}
-    working = {p.name: p.read() for p in found if everything and not p.nonvolatile and not p.read_only}
-    return Backup(description.name, description.unit_number, stored, working)
+    wanted = [p for p in found if p.nonvolatile or (everything and not p.read_only)]
+    values: dict[bool, dict[str, Number]] = {True: {}, False: {}}
+    for done, parameter in enumerate(wanted, 1):
+        values[parameter.nonvolatile][parameter.name] = parameter.read()
+        progress("parameters", done, len(wanted))
+    return Backup(description.name, description.unit_number, values[True], values[False])
 
 
 def write(backup: Backup, path: Path, parameters: Parameters) -> None:
