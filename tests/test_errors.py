@@ -81,6 +81,15 @@ def test_every_error_says_what_why_and_what_to_do(kind: type[errors.HostMot2Erro
     assert all(cause == cause.strip() and cause for cause in (*kind.causes, kind.fix))
 
 
+@pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.__name__)
+def test_commands_named_in_advice_exist(kind: type[errors.HostMot2Error]) -> None:
+    from hostmot2.cli.main import COMMANDS
+
+    for text in (*kind.causes, kind.fix):
+        for name in re.findall(r"hm2 ([a-z][a-z-]*)", text):
+            assert name in {*COMMANDS, "doctor"}, text
+
+
 def test_a_message_starts_with_the_code_and_keeps_its_evidence() -> None:
     error = errors.WrongCookie("text", address=0x100, expected=1, received=2)
     assert str(error) == "HM2-E053: text"

@@ -22,7 +22,13 @@ def setup() -> None:
 @click.option("--write", is_flag=True, help=f"Install as {UDEV_RULES} (needs root).")
 @reports
 def udev(session: Session, group: str, write: bool) -> None:
-    """Let a group use PCI cards without being root."""
+    """Let a group use PCI cards without being root.
+
+    \b
+    Examples:
+      hm2 setup udev
+      hm2 setup udev --group machinists --write
+    """
     rules = udev_rules(group)
     if write:
         UDEV_RULES.write_text(rules)

@@ -153,7 +153,9 @@ def test_signals_named_with_a_terminal_are_the_terminals_own() -> None:
 
 
 @pytest.fixture
-def hm2(capfd: pytest.CaptureFixture[str]):
+def hm2(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delenv("COLUMNS", raising=False)  # a pipe has no width
+
     def run(*arguments: str) -> tuple[int, str, str]:
         with pytest.raises(SystemExit) as end:
             main(list(arguments))
