@@ -31,19 +31,33 @@ int hm2_cycle_add(struct hm2_cycle *cycle, const hm2_cyclic *part, hm2_error *er
 {
 	if (cycle->parts == HM2_CYCLE_PARTS)
 		return too_many(error, HM2_CYCLE_PARTS);
-	cycle->part[cycle->parts++] = *part;
+	cycle->parts++;
+	if (part->reads)
+		cycle->reader[cycle->readers++] = (struct cycle_lister){part->self, part->reads};
+	if (part->writes)
+		cycle->writer[cycle->writers++] = (struct cycle_lister){part->self, part->writes};
+	if (part->process)
+		cycle->processor[cycle->processors++] = (struct cycle_processor){part->self, part->process};
 	return HM2_OK;
 }
 
-typedef size_t (*appender)(void *self, hm2_transfer *transfers, size_t capacity);
-
-static int append(struct hm2_cycle *cycle, appender list, void *self, hm2_error *error)
+static int append(struct hm2_cycle *cycle, const struct cycle_lister *part, size_t count, hm2_error *error)
 {
-	const size_t room = HM2_CYCLE_TRANSFERS - cycle->transfers;
-	const size_t added = list ? list(self, &cycle->transfer[cycle->transfers], room) : 0;
-	if (added > room)
-		return too_many(error, HM2_CYCLE_TRANSFERS);
-	cycle->transfers += added;
+	for (; count--; part++) {
+		const size_t room = HM2_CYCLE_TRANSFERS - cycle->transfers;
+		hm2_transfer *to = &cycle->transfer[cycle->transfers];
+		size_t added;
+		if (part->list == cyclic_words_list && room) { /* most parts are: not worth a call each */
+			const hm2_cyclic_words *words = part->self;
+			*to = words->transfer;
+			added = words->enabled != 0;
+		} else {
+			added = part->list(part->self, to, room);
+		}
+		if (added > room)
+			return too_many(error, HM2_CYCLE_TRANSFERS);
+		cycle->transfers += added;
+	}
 	return HM2_OK;
 }
 
@@ -54,10 +68,10 @@ int cycle_begin(struct hm2_cycle *cycle, int reads, int writes, hm2_error *error
 		writes = 0; /* a bite ends the outputs, not the view of the machine */
 	cycle->transfers = 0;
 	cycle->processes = reads;
-	for (size_t i = 0; reads && i < cycle->parts && status == HM2_OK; i++)
-		status = append(cycle, cycle->part[i].reads, cycle->part[i].self, error);
-	for (size_t i = 0; writes && i < cycle->parts && status == HM2_OK; i++)
-		status = append(cycle, cycle->part[i].writes, cycle->part[i].self, error);
+	if (reads)
+		status = append(cycle, cycle->reader, cycle->readers, error);
+	if (writes && status == HM2_OK)
+		status = append(cycle, cycle->writer, cycle->writers, error);
 	if (status == HM2_OK)
 		status = hm2_begin(cycle->board, cycle->transfer, cycle->transfers, error);
 	if (status != HM2_OK)
@@ -82,12 +96,11 @@ int cycle_await(struct hm2_cycle *cycle, int64_t deadline_ns, hm2_error *error)
 
 void cycle_process(struct hm2_cycle *cycle)
 {
-	if (!cycle->processes)
+	if (!cycle->processes || !cycle->processors)
 		return;
 	const int64_t now_ns = hm2_board_now_ns(cycle->board);
-	for (size_t i = 0; i < cycle->parts; i++)
-		if (cycle->part[i].process)
-			cycle->part[i].process(cycle->part[i].self, now_ns);
+	for (size_t i = 0; i < cycle->processors; i++)
+		cycle->processor[i].process(cycle->processor[i].self, now_ns);
 }
 
 int hm2_cycle_finish(struct hm2_cycle *cycle, int64_t deadline_ns, hm2_error *error)

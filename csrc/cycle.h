@@ -4,10 +4,20 @@
 
 #include "hm2.h"
 
+struct cycle_lister {
+	void *self;
+	size_t (*list)(void *self, hm2_transfer *transfers, size_t capacity);
+};
+
 struct hm2_cycle {
 	struct hm2_board *board;
 	size_t parts;
-	hm2_cyclic part[HM2_CYCLE_PARTS];
+	size_t readers, writers, processors; /* those parts that do this */
+	struct cycle_lister reader[HM2_CYCLE_PARTS], writer[HM2_CYCLE_PARTS];
+	struct cycle_processor {
+		void *self;
+		void (*process)(void *self, int64_t now_ns);
+	} processor[HM2_CYCLE_PARTS];
 	size_t transfers;
 	hm2_transfer transfer[HM2_CYCLE_TRANSFERS];
 	hm2_cycle_counters counters;
@@ -18,5 +28,8 @@ struct hm2_cycle {
 int cycle_begin(struct hm2_cycle *cycle, int reads, int writes, hm2_error *error);
 int cycle_await(struct hm2_cycle *cycle, int64_t deadline_ns, hm2_error *error);
 void cycle_process(struct hm2_cycle *cycle);
+
+/* What hm2_cyclic_words_part lists. */
+size_t cyclic_words_list(void *self, hm2_transfer *transfers, size_t capacity);
 
 #endif

@@ -1,7 +1,7 @@
 /* Participants of a cycle: plain words, and the encoders of a module. */
-#include "hm2.h"
+#include "cycle.h"
 
-static size_t words_list(void *self, hm2_transfer *transfers, size_t capacity)
+size_t cyclic_words_list(void *self, hm2_transfer *transfers, size_t capacity)
 {
 	const hm2_cyclic_words *words = self;
 	if (!words->enabled)
@@ -15,8 +15,8 @@ void hm2_cyclic_words_part(hm2_cyclic_words *words, hm2_cyclic *part)
 {
 	const int writes = words->transfer.flags & HM2_TRANSFER_WRITE;
 	part->self = words;
-	part->reads = writes ? NULL : words_list;
-	part->writes = writes ? words_list : NULL;
+	part->reads = writes ? NULL : cyclic_words_list;
+	part->writes = writes ? cyclic_words_list : NULL;
 	part->process = NULL;
 }
 

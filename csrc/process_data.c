@@ -177,7 +177,7 @@ static uint32_t add_pack(struct hm2_process_data *data, int kind, uint32_t next)
 static void add_word(struct hm2_process_data *data, const hm2_image *image, uint32_t word)
 {
 	size_t first = data->placement_count;
-	uint64_t written = 0;
+	uint32_t written = 0;
 	for (size_t i = 0; i < data->field_count; i++) {
 		const hm2_field *field = &data->fields[i];
 		if (field->direction != HM2_FIELD_OUTPUT || data->operations[i] == HM2_NO_OPERATION)
@@ -186,19 +186,21 @@ static void add_word(struct hm2_process_data *data, const hm2_image *image, uint
 		int part = word == window.low ? 0 : word == window.middle ? 1 : word == window.top ? 2 : -1;
 		if (part < 0)
 			continue;
+		uint32_t right = part == 0 ? 0 : 32 * (uint32_t)part - window.shift;
+		uint32_t turn = part == 0 ? window.shift : 64 - right;
+		uint64_t mask = hm2_low_bits(field->bits);
 		hm2_placement placement = {
-			.mask = hm2_low_bits(field->bits),
-			.invert = operation_kind(field) == HM2_OPERATION_RAW ? field->invert : 0,
+			.mask = (uint32_t)(part == 0 ? mask << turn : mask >> right),
+			.invert = operation_kind(field) == HM2_OPERATION_RAW ? hm2_turned(field->invert, turn) : 0,
 			.field = (uint32_t)i,
-			.left = part == 0 ? window.shift : 0,
-			.right = (uint16_t)(part == 0 ? 0 : 32 * part - window.shift),
+			.turn = turn,
 		};
-		written |= placement.mask << placement.left >> placement.right;
+		written |= placement.mask;
 		data->placements[data->placement_count++] = placement;
 	}
 	if (data->placement_count > first)
 		data->words[data->word_count++] =
-			(hm2_packed_word){word, ~(uint32_t)written, data->placements + data->placement_count};
+			(hm2_packed_word){word, ~written, data->placements + data->placement_count};
 }
 
 static void compile(struct hm2_process_data *data, const hm2_image *inputs, const hm2_image *outputs)
@@ -303,7 +305,7 @@ int hm2_process_data_configure(struct hm2_process_data *data, size_t index, doub
 	data->pack[at].invert = invert;
 	for (size_t i = 0; i < data->placement_count; i++)
 		if (data->placements[i].field == index && operation_kind(&data->fields[index]) == HM2_OPERATION_RAW)
-			data->placements[i].invert = invert;
+			data->placements[i].invert = hm2_turned(invert, data->placements[i].turn);
 	return HM2_OK;
 }
 

@@ -51,12 +51,12 @@ typedef struct hm2_pack_operation {
 	uint32_t bits;
 } hm2_pack_operation;
 
-/* Raw bits of a field that go into one word: ((raw ^ invert) & mask) << left >> right. */
+/* Raw bits of a field that go into one word: turned left by so many bits, then those of the mask. */
 typedef struct hm2_placement {
-	uint64_t mask;
-	uint64_t invert; /* BITS, STREAM */
+	uint32_t mask;
+	uint32_t invert; /* BITS, STREAM */
 	uint32_t field;
-	uint16_t left, right;
+	uint32_t turn;
 } hm2_placement;
 
 /* A word of the output image, put together in one go from all fields that have bits in it. */
@@ -89,6 +89,12 @@ struct hm2_process_data {
 static inline uint64_t hm2_low_bits(uint32_t bits)
 {
 	return UINT64_MAX >> (64 - bits);
+}
+
+/* The low word of a value turned left by 0 to 63 bits. */
+static inline uint32_t hm2_turned(uint64_t value, uint32_t turn)
+{
+	return (uint32_t)(value << (turn & 63) | value >> (-turn & 63));
 }
 
 #endif

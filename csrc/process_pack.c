@@ -92,11 +92,11 @@ static void place(const struct hm2_process_data *data)
 	const hm2_placement *placement = data->placements;
 	const hm2_packed_word *end = data->words + data->word_count;
 	for (const hm2_packed_word *word = data->words; word < end; word++) {
-		uint64_t bits = image[word->word] & word->keep;
-		for (; placement < word->end; placement++)
-			bits |= ((raw[placement->field] ^ placement->invert) & placement->mask) << placement->left >>
-			        placement->right;
-		image[word->word] = (uint32_t)bits;
+		uint32_t bits = image[word->word] & word->keep;
+		for (; placement < word->end; placement++) {
+			bits |= (hm2_turned(raw[placement->field], placement->turn) ^ placement->invert) & placement->mask;
+		}
+		image[word->word] = bits;
 	}
 }
 

@@ -33,14 +33,18 @@ struct udp_list {
 };
 
 #define UDP_COMPILED 128
+#define UDP_WORDS (HM2_LBP16_MAX_PAYLOAD / 4)
 
 /* A list that fits one datagram, as the last begin sent it. A cycle's list is the same each time, so its
- * datagram is made once and then only gets new data and a new number. */
+ * datagram is made once and then only gets new data and a new number; where each word goes is known. */
 struct udp_compiled {
 	size_t count; /* 0: none. The datagram is window[0]. */
-	hm2_transfer transfers[UDP_COMPILED];
-	uint16_t data_at[UDP_COMPILED]; /* of a write: where its words stand */
 	struct udp_position end;
+	size_t reads, writes;                /* words */
+	uint32_t *read[UDP_WORDS];           /* where the reply's words go, one behind the other */
+	const uint32_t *write[UDP_WORDS];    /* where the request's come from */
+	uint16_t write_at[UDP_WORDS];        /* and where they stand in it */
+	hm2_transfer transfers[UDP_COMPILED];
 };
 
 struct hm2_udp {
@@ -72,11 +76,6 @@ void udp_datagram_close(struct udp_datagram *datagram);
 void udp_datagram_number(struct udp_datagram *datagram, uint32_t sequence);
 /* As many transfers as fit, from list->at, which moves. Opens and closes. */
 void udp_datagram_pack(struct udp_datagram *datagram, struct udp_list *list);
-/* Remember the list if it is in this datagram whole; forget what was remembered if not. */
-void udp_datagram_compile(struct udp_compiled *compiled, const struct udp_datagram *datagram,
-                          const struct udp_list *list);
-int udp_datagram_same(const struct udp_compiled *compiled, const struct udp_list *list);
-void udp_datagram_refill(struct udp_datagram *datagram, const struct udp_compiled *compiled);
 /* The words of a reply into the list's transfers. */
 void udp_datagram_unpack(const struct udp_datagram *datagram, const struct udp_list *list, const uint8_t *reply);
 /* Take out every write but its number: what is left may be asked for again. */
@@ -86,7 +85,27 @@ int udp_datagram_raw(struct udp_datagram *datagram, const uint8_t *commands, siz
 /* "What have you carried out?": the request, and the length of its answer. */
 #define UDP_PROBE_REPLY 10
 size_t udp_probe(uint8_t *bytes, size_t capacity, uint32_t number);
-uint32_t udp_get32(const uint8_t *bytes);
+
+static inline uint32_t udp_get32(const uint8_t *bytes)
+{
+	return (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
+}
+
+static inline void udp_put32(uint8_t *bytes, uint32_t value)
+{
+	for (int i = 0; i < 4; i++)
+		bytes[i] = (uint8_t)(value >> 8 * i);
+}
+
+/* udp_compiled.c: a cycle's datagram */
+
+/* Remember the list if it is in this datagram whole; forget what was remembered if not. */
+void udp_compile(struct udp_compiled *compiled, const struct udp_datagram *datagram, const struct udp_list *list);
+int udp_compiled_same(const struct udp_compiled *compiled, const struct udp_list *list);
+/* The words to be written, as they are now, into its datagram. */
+void udp_compiled_refill(const struct udp_compiled *compiled, struct udp_datagram *datagram);
+/* The words of its reply to where they belong. */
+void udp_compiled_unpack(const struct udp_compiled *compiled, const uint8_t *reply);
 
 /* udp_receive.c: what a datagram that came in means */
 #define UDP_RECENT 65536u /* numbers this close can only be ours: the first one was drawn at random */

@@ -15,17 +15,6 @@ static uint32_t min3(size_t a, size_t b, size_t c)
 	return (uint32_t)(least < c ? least : c);
 }
 
-uint32_t udp_get32(const uint8_t *bytes)
-{
-	return (uint32_t)bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
-}
-
-static inline void put32(uint8_t *bytes, uint32_t value)
-{
-	for (int i = 0; i < 4; i++)
-		bytes[i] = (uint8_t)(value >> 8 * i);
-}
-
 static hm2_lbp16_command scratch(int write, uint16_t address, uint8_t words)
 {
 	return (hm2_lbp16_command){.address = address, .write = (uint8_t)write, .has_address = 1,
@@ -63,7 +52,7 @@ void udp_datagram_close(struct udp_datagram *datagram)
 void udp_datagram_number(struct udp_datagram *datagram, uint32_t sequence)
 {
 	datagram->sequence = sequence;
-	put32(datagram->bytes + datagram->sequence_at, sequence);
+	udp_put32(datagram->bytes + datagram->sequence_at, sequence);
 }
 
 /* How many of the transfer's words this datagram still takes, in one command. */
@@ -89,7 +78,7 @@ static void append_words(struct udp_datagram *datagram, const hm2_transfer *tran
 	uint8_t data[4 * HM2_LBP16_MAX_COUNT];
 
 	for (uint32_t i = 0; write && i < count; i++)
-		put32(data + 4 * i, transfer->words[word + i]);
+		udp_put32(data + 4 * i, transfer->words[word + i]);
 	append(datagram, &command, data);
 	datagram->writes |= write;
 	datagram->once |= same && !write; /* a FIFO gives its words only once */
@@ -118,48 +107,6 @@ void udp_datagram_pack(struct udp_datagram *datagram, struct udp_list *list)
 	}
 	datagram->end = *at;
 	udp_datagram_close(datagram);
-}
-
-void udp_datagram_compile(struct udp_compiled *compiled, const struct udp_datagram *datagram,
-                          const struct udp_list *list)
-{
-	size_t at = 4; /* behind the read of the last number */
-
-	compiled->count = 0;
-	if (list->count > UDP_COMPILED || list->at.transfer < list->count)
-		return;
-	for (size_t i = 0; i < list->count; i++) {
-		const hm2_transfer *transfer = &list->transfers[i];
-
-		if (transfer->count > HM2_LBP16_MAX_COUNT)
-			return; /* more than one command */
-		compiled->transfers[i] = *transfer;
-		compiled->data_at[i] = (uint16_t)(at + 4);
-		at += transfer->flags & HM2_TRANSFER_WRITE ? 4 + 4 * (size_t)transfer->count : 4;
-	}
-	compiled->end = datagram->end;
-	compiled->count = list->count;
-}
-
-int udp_datagram_same(const struct udp_compiled *compiled, const struct udp_list *list)
-{
-	/* the structure has no padding: equal lists are equal bytes */
-	return compiled->count && compiled->count == list->count &&
-	       memcmp(compiled->transfers, list->transfers, list->count * sizeof *list->transfers) == 0;
-}
-
-void udp_datagram_refill(struct udp_datagram *datagram, const struct udp_compiled *compiled)
-{
-	for (size_t i = 0; i < compiled->count; i++) {
-		const hm2_transfer *transfer = &compiled->transfers[i];
-		uint8_t *to = datagram->bytes + compiled->data_at[i];
-
-		if (!(transfer->flags & HM2_TRANSFER_WRITE))
-			continue;
-		for (uint32_t n = 0; n < transfer->count; n++, to += 4)
-			put32(to, transfer->words[n]);
-	}
-	datagram->answered = 0;
 }
 
 void udp_datagram_unpack(const struct udp_datagram *datagram, const struct udp_list *list, const uint8_t *reply)
@@ -232,7 +179,7 @@ size_t udp_probe(uint8_t *bytes, size_t capacity, uint32_t number)
 	size_t length = 0;
 	uint8_t data[4];
 
-	put32(data, number);
+	udp_put32(data, number);
 	(void)hm2_lbp16_put(bytes, capacity, &length, &write, data);
 	(void)hm2_lbp16_put(bytes, capacity, &length, &read, NULL);
 	return length;

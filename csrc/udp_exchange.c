@@ -36,7 +36,7 @@ static int send_compiled(struct hm2_udp *udp, hm2_error *error)
 {
 	struct udp_datagram *datagram = &udp->window[0];
 
-	udp_datagram_refill(datagram, &udp->compiled);
+	udp_compiled_refill(&udp->compiled, datagram);
 	udp->list.at = udp->compiled.end;
 	udp->sent = udp->unanswered = 1;
 	datagram->first = udp->sequence + 1;
@@ -49,7 +49,7 @@ int udp_send_window(struct hm2_udp *udp, hm2_error *error)
 
 	udp->sent = udp->unanswered = 0;
 	udp->probe_pending = udp->probes = 0;
-	if (udp->list.at.transfer == 0 && udp->list.at.word == 0 && udp_datagram_same(&udp->compiled, &udp->list))
+	if (udp->list.at.transfer == 0 && udp->list.at.word == 0 && udp_compiled_same(&udp->compiled, &udp->list))
 		return send_compiled(udp, error);
 	udp->compiled.count = 0;
 	while (status == HM2_OK && udp->sent < UDP_WINDOW && udp->list.at.transfer < udp->list.count) {
@@ -61,7 +61,7 @@ int udp_send_window(struct hm2_udp *udp, hm2_error *error)
 		status = udp_send_datagram(udp, datagram, error);
 	}
 	if (udp->sent == 1)
-		udp_datagram_compile(&udp->compiled, &udp->window[0], &udp->list);
+		udp_compile(&udp->compiled, &udp->window[0], &udp->list);
 	return status;
 }
 

@@ -76,6 +76,8 @@ static void take(struct hm2_udp *udp, struct udp_datagram *datagram, const uint8
 	if (udp->raw) {
 		for (size_t i = 0; i < datagram->reply_size - UDP_OVERHEAD; i++)
 			udp->raw[i] = reply[4 + i];
+	} else if (udp->compiled.count) {
+		udp_compiled_unpack(&udp->compiled, reply);
 	} else {
 		udp_datagram_unpack(datagram, &udp->list, reply);
 	}

@@ -162,8 +162,9 @@ static uint32_t read_word(struct hm2_emulator *card, uint32_t address, uint32_t 
 	if (page.module == 0)
 		return card_identity_read(card, address, value);
 	struct card_module *module = &card->modules[page.module - 1];
-	if (module->type->advance)
+	if (module->advanced != card->epoch && module->type->advance)
 		module->type->advance(module->self, card->clock);
+	module->advanced = card->epoch;
 	return module->type->read(module->self, page.reg, address & 0xFC, value);
 }
 
@@ -177,6 +178,7 @@ static int write_word(struct hm2_emulator *card, uint32_t address, uint32_t valu
 		card_settle(card); /* what the write changes others may have seen until now */
 	else if (module->type->advance)
 		module->type->advance(module->self, card->clock); /* after the last write to it */
+	card->epoch++;
 	return module->type->write(module->self, page.reg, address & 0xFC, value);
 }
 

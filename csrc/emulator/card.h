@@ -60,6 +60,7 @@ struct card_module {
 	const struct card_module_type *type;
 	void *self;
 	struct card_descriptor descriptor;
+	uint64_t advanced; /* the card's epoch in which it was brought up to date */
 };
 
 struct card_page {
@@ -74,6 +75,7 @@ struct hm2_emulator {
 	int64_t now_ps;
 	int64_t clock;
 	int64_t settled_ps; /* the time every module has been advanced to */
+	uint64_t epoch;     /* counts whatever may make a module that was up to date fall behind */
 	int64_t period_ps;
 	int64_t high_period_ps;
 	int64_t real_origin_ns;

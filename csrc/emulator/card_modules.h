@@ -41,6 +41,9 @@ struct ioport {
 	uint32_t invert[CARD_MAX_PORTS];
 	uint32_t outside[CARD_MAX_PORTS];       /* driven from outside */
 	uint32_t outside_level[CARD_MAX_PORTS];
+	uint32_t moving_inputs[CARD_MAX_PORTS]; /* pins whose level a module has a say in */
+	uint32_t moving_outputs[CARD_MAX_PORTS];
+	int moving_found;
 	int64_t released; /* the clock of the last watchdog bite */
 };
 void ioport_release(struct ioport *port); /* the watchdog has bitten */

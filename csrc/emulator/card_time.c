@@ -49,6 +49,7 @@ void card_advance_to(struct hm2_emulator *card, int64_t ps)
 	}
 	card->clock = target;
 	card->now_ps = ps;
+	card->epoch++;
 }
 
 static int64_t monotonic_ns(void)
@@ -70,9 +71,8 @@ void card_unlock(pthread_mutex_t **lock)
 	pthread_mutex_unlock(*lock);
 }
 
-int64_t card_time_ps(struct hm2_emulator *card)
+static int64_t time_ps(struct hm2_emulator *card)
 {
-	CARD_HOLD(card);
 	if (card->options.clock != HM2_CLOCK_REAL)
 		return card->now_ps;
 	int64_t now = monotonic_ns();
@@ -82,10 +82,17 @@ int64_t card_time_ps(struct hm2_emulator *card)
 	return ps > card->now_ps ? ps : card->now_ps;
 }
 
+int64_t card_time_ps(struct hm2_emulator *card)
+{
+	CARD_HOLD(card);
+	return time_ps(card);
+}
+
 void card_touch(struct hm2_emulator *card)
 {
 	CARD_HOLD(card);
-	int64_t ps = card_time_ps(card);
+	int64_t ps = time_ps(card);
+	card->epoch++;
 	if (ps > card->now_ps)
 		card_advance_to(card, ps);
 }

@@ -98,11 +98,35 @@ int ioport_reads_high(struct ioport *port, int pin)
 	return ioport_driver(port, pin) != HM2_LEVEL_LOW;
 }
 
+/* Pins that a module may move: through its output, or through what hangs on its input. */
+static void find_moving(struct ioport *port)
+{
+	for (int pin = 0; pin < port->card->pin_count; pin++) {
+		const struct card_pin *p = &port->card->pins[pin];
+		const struct card_module *module = p->tag ? card_find(port->card, p->tag) : NULL;
+		uint32_t bit = UINT32_C(1) << (pin % port->card->port_width);
+		if (module != NULL && p->number & 0x80 && module->type->output)
+			port->moving_outputs[pin / port->card->port_width] |= bit;
+		if (module != NULL && !(p->number & 0x80) && module->type->outside)
+			port->moving_inputs[pin / port->card->port_width] |= bit;
+	}
+	port->moving_found = 1;
+}
+
+/* As ioport_reads_high, pin by pin only where a module has a say. */
 static uint32_t read_pads(struct ioport *port, int p)
 {
-	uint32_t value = 0;
-	for (int b = 0; b < port->card->port_width; b++)
+	if (!port->moving_found)
+		find_moving(port);
+	uint32_t outside = port->outside[p];
+	uint32_t driven = port->ddr[p] | port->open_drain[p];
+	uint32_t data = (port->latch[p] & ~port->alternate[p]) ^ port->invert[p];
+	uint32_t value = (outside & port->outside_level[p]) | (~outside & (~driven | data));
+	uint32_t left = ~outside & (port->moving_inputs[p] | (port->moving_outputs[p] & port->alternate[p] & driven));
+	for (value &= port->mask & ~left; left; left &= left - 1) {
+		int b = __builtin_ctz(left);
 		value |= (uint32_t)ioport_reads_high(port, p * port->card->port_width + b) << b;
+	}
 	return value;
 }
 

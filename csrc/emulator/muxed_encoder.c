@@ -232,6 +232,9 @@ static int muxed_outside(void *self, int unit, int number, int *level)
 	const struct muxed_encoder *m = self;
 	if (2 * unit >= m->bank.count || number < 1 || number > ENCODER_LINES)
 		return 0;
+	const struct wave *even = &m->bank.card->waves[m->bank.first_wave + 2 * unit];
+	if (!even->plugged && !(2 * unit + 1 < m->bank.count && even[1].plugged))
+		return 0;
 	int64_t t = m->bank.card->now_ps - m->bank.card->mux_delay_ps + 1;
 	struct wave *wave = wave_at(m, unit, t);
 	uint8_t bit = (uint8_t)(1u << (number - 1));
