@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -38,6 +40,21 @@ def _described(words: list[int]) -> EthernetDescription:
     """By the IDROM's board name, unless told otherwise: MESA7I92 is a 7I92."""
     letters = b"".join(word.to_bytes(4, "little") for word in words[3:5]).rstrip(b"\0 ")
     return EthernetDescription(letters.decode("ascii", "replace").removeprefix("MESA"))
+
+
+@contextlib.contextmanager
+def _above_ordinary_programs() -> Iterator[None]:
+    """The least real-time priority for the threads started meanwhile.
+
+    Who steers the card holds it, and its packets with it: an ordinary program that held him up would hold
+    them up as well.
+    """
+    with contextlib.suppress(PermissionError):  # the server's own thread is refused as well, and says so
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 @click.command()
@@ -91,6 +108,8 @@ def emulate(
         stack.callback(board.close)
         stack.callback(server.close)
         server.set_fault(fault)
+        if priority:
+            stack.enter_context(_above_ordinary_programs())
         if control is not None:
             stack.enter_context(ControlServer(control, Controls(board, server, fault)))
         server.start()
