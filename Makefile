@@ -35,11 +35,9 @@ check: $(EXT) $(VENV)/ready-dev
 bench: $(EXT) $(VENV)/ready-dev
 	@$(PY) -m hostmot2.bench
 
+# the site in site/; `mkdocs serve` shows it while pages are written
 docs: $(EXT) $(VENV)/ready-dev
-	@$(PY) registers/generate.py --check
-	@$(PY) docs/generate_capabilities.py --check
-	@$(PY) docs/generate_errors.py --check
-	@$(PY) -m mkdocs build -q --strict
+	@$(PY) tools/check.py registers generated-pages site
 
 # Debian's mesaflash and LinuxCNC against the emulated card; needs root, works in network namespaces of its own
 interop: $(EXT)

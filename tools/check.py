@@ -227,6 +227,19 @@ def package() -> str:
 
 
 @step
+def site() -> str:
+    """The documentation, built strictly: no dead link, no page without its docstrings, nothing fetched."""
+    place = ROOT / "site"
+    run(PYTHON, "-m", "mkdocs", "build", "-q", "--strict", env={"NO_MKDOCS_2_WARNING": "1"})
+    pages = list(place.rglob("*.html"))
+    fetched = re.compile(r'<(?:script|img|iframe)[^>]+src="?https?:|<link[^>]+stylesheet[^>]+href="?https?:')
+    for page in pages:
+        if found := fetched.search(page.read_text(encoding="utf-8")):
+            raise Failed(f"{page.relative_to(ROOT)} fetches: {found[0]}")
+    return f"{len(pages)} pages"
+
+
+@step
 def editable_install() -> str:
     """The environment's own install is editable and works from anywhere."""
     program = "import hostmot2, hostmot2._core as core; print(core.__file__)"
@@ -243,7 +256,8 @@ def editable_install() -> str:
 def types() -> str:
     """mypy --strict."""
     run(PYTHON, "-m", "mypy", "--strict", "registers/generate.py")
-    run(PYTHON, "-m", "mypy", "--strict", "docs/generate_capabilities.py", "docs/generate_errors.py")
+    for generator in sorted(ROOT.glob("docs/generate_*.py")):
+        run(PYTHON, "-m", "mypy", "--strict", str(generator))
     run(PYTHON, "-m", "mypy", "--strict", "tools/check.py", "tools/sizes.py")
     return last_line(run(PYTHON, "-m", "mypy"))
 
@@ -274,17 +288,12 @@ def registers() -> str:
 
 
 @step
-def capabilities() -> str:
-    """The table of capabilities names what exists and is up to date."""
-    run(PYTHON, "docs/generate_capabilities.py", "--check")
-    return "no drift"
-
-
-@step
-def error_pages() -> str:
-    """The pages of docs/reference/errors say what the classes say."""
-    run(PYTHON, "docs/generate_errors.py", "--check")
-    return "no drift"
+def generated_pages() -> str:
+    """The pages that docs/generate_*.py write name what exists and are up to date."""
+    generators = sorted(ROOT.glob("docs/generate_*.py"))
+    for generator in generators:
+        run(PYTHON, str(generator), "--check")
+    return f"no drift from {len(generators)} generators"
 
 
 @step
