@@ -1,18 +1,18 @@
 """List the free pins, read them, blink an LED and pulse one output.
 
-    python examples/blink_and_read.py [URL]
+    HM2_BOARD=udp://10.10.10.10 python examples/blink_and_read.py
 
-URL is a card (pci://, udp://10.10.10.10); without it an emulated 5I25 with a 7I77. The output pulsed is the
-first pin that nobody owns: look where that is on your card before you run this on a real one.
+Without HM2_BOARD an emulated 5I25 with a 7I77. The output pulsed is the first pin that nobody owns: look
+where that is on your card before you run this on a real one.
 """
 
-import sys
+import os
 
 import hostmot2
 
 
-def main(url: str = "emu://5i25+7i77?clock=virtual") -> None:
-    with hostmot2.open(url) as hm2:
+def main() -> None:
+    with hostmot2.open(os.environ.get("HM2_BOARD", "emu://5i25+7i77?clock=virtual")) as hm2:
         print(f"{hm2.name} at {hm2.url}: {len(hm2.pins)} pins, free for GPIO:")
         for pin in hm2.gpio.free:
             print(f"  {pin} reads {int(pin.level)}")
@@ -33,4 +33,4 @@ def main(url: str = "emu://5i25+7i77?clock=virtual") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

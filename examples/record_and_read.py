@@ -1,12 +1,13 @@
 """Record a second of cycles, read them back as numpy columns, and draw them.
 
-    python examples/record_and_read.py [URL] [FILE.mcap]
+    HM2_BOARD=udp://10.10.10.10 python examples/record_and_read.py [FILE.mcap]
 
-URL is a card; without it an emulated 5I25 with a 7I77. Outputs of the 7I77 follow a slow wave of 1 V while
-its analog outputs are not enabled, so nothing moves. Needs `pip install 'hostmot2[record,plot]'`.
+Without HM2_BOARD an emulated 5I25 with a 7I77. Outputs of the 7I77 follow a slow wave of 1 V while its
+analog outputs are not enabled, so nothing moves. Needs `pip install 'hostmot2[record,plot]'`.
 """
 
 import math
+import os
 import sys
 
 import hostmot2
@@ -15,8 +16,8 @@ from hostmot2 import recording
 RATE = 500
 
 
-def main(url: str = "emu://5i25+7i77", path: str = "run.mcap") -> None:
-    with hostmot2.open(url) as hm2:
+def main(path: str = "run.mcap") -> None:
+    with hostmot2.open(os.environ.get("HM2_BOARD", "emu://5i25+7i77")) as hm2:
         hm2.sserial.start(0x03).raise_for_failed()
         engine = hm2.engine(RATE)
         with recording.record(engine, path) as recorder, engine:

@@ -1,17 +1,18 @@
 """A 7I77: who is there, field I/O, one analog axis with its enable, encoders.
 
-    python examples/seven_i77.py [URL]
+    HM2_BOARD=pci:// python examples/seven_i77.py
 
-On a real card this drives 1 V out of axis 0 with its enable on, for one second.
+Without HM2_BOARD an emulated one. On a real card this drives 1 V out of axis 0 with its enable on, for
+one second.
 """
 
-import sys
+import os
 
 import hostmot2
 
 
-def main(url: str = "emu://5i25+7i77?clock=virtual") -> None:
-    with hostmot2.open(url) as hm2:
+def main() -> None:
+    with hostmot2.open(os.environ.get("HM2_BOARD", "emu://5i25+7i77?clock=virtual")) as hm2:
         print(hm2.sserial.scan())
         card = hm2.card("7i77")
         encoder = card.encoders[0]
@@ -28,4 +29,4 @@ def main(url: str = "emu://5i25+7i77?clock=virtual") -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -1,12 +1,13 @@
 """An 8I20: torque command with commutation from an encoder.
 
-    python examples/torque_8i20.py [URL]
+    HM2_BOARD=pci:// python examples/torque_8i20.py
 
-Without a URL: an emulated drive with a permanent-magnet motor. With one: the 8I20 of that card; the motor
-turns with 0.2 A, and POLE_PAIRS, COUNTS and ZERO must be those of your motor, or it will only twitch.
+Without HM2_BOARD drive and permanent-magnet motor are emulated. With it: the 8I20 of that card; the
+motor turns with 0.2 A, and POLE_PAIRS, COUNTS and ZERO must be those of your motor, or it will only
+twitch.
 """
 
-import sys
+import os
 
 import hostmot2
 from hostmot2.emulator import EmulatedBoard, catalog
@@ -25,8 +26,8 @@ def emulated() -> EmulatedBoard:
     return board
 
 
-def main(url: str | None = None) -> None:
-    with hostmot2.open(url or emulated()) as hm2:
+def main() -> None:
+    with hostmot2.open(os.environ.get("HM2_BOARD") or emulated()) as hm2:
         drive, encoder = hm2.card("8i20"), hm2.encoders[0]
         encoder.scale = COUNTS
         drive.start()
@@ -43,4 +44,4 @@ def main(url: str | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:])
+    main()

@@ -67,7 +67,7 @@ def blocks(page: Path) -> Iterator[Block]:
 
 
 class Session:
-    """Runs blocks one after the other. Raises what a block raises, AssertionError for other output than shown."""
+    """Runs blocks one after the other. Raises what a block raises, AssertionError for other output."""
 
     def __init__(self, page: Path) -> None:
         self.page = page
@@ -110,7 +110,9 @@ class Session:
         """Runs commands; what they export holds for the blocks that follow."""
         kept = Path(".page_environment").absolute()
         script = f"trap 'env -0 >{shlex.quote(str(kept))}' EXIT\n{text}"
-        ran = subprocess.run(["bash", "-euo", "pipefail", "-c", script], stdout=output, text=True, check=False)
+        ran = subprocess.run(
+            ["bash", "-euo", "pipefail", "-c", script], stdout=output, text=True, check=False
+        )
         os.environ.update(line.split("=", 1) for line in kept.read_text().split("\0") if "=" in line)
         if ran.returncode:
             raise AssertionError(f"exit status {ran.returncode} of:\n{text}")

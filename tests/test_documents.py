@@ -74,7 +74,9 @@ def test_a_block_that_cannot_run_says_why(name: str, block: pages.Block) -> None
 
 @pytest.mark.parametrize("name", PAGES)
 def test_every_block_is_fenced_and_names_its_language(name: str) -> None:
-    unknown = [(block.line, block.language) for block in BLOCKS[name] if block.language not in pages.LANGUAGES]
+    unknown = [
+        (block.line, block.language) for block in BLOCKS[name] if block.language not in pages.LANGUAGES
+    ]
     assert not unknown
     text = (ROOT / name).read_text()
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
