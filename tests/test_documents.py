@@ -82,3 +82,10 @@ def test_every_block_is_fenced_and_names_its_language(name: str) -> None:
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
     # a paragraph that is indented by four without a list above it
     assert not re.findall(r"\n\n(?! *[-*\d])[^\n]*[.:]\n\n    \S[^\n]*", outside)
+
+
+@pytest.mark.parametrize("name", [name for name in PAGES if "/" not in name])
+def test_links_of_a_page_outside_the_site_lead_somewhere(name: str) -> None:
+    """Those between the pages of docs/ are checked when the site is built."""
+    links = re.findall(r"\]\((?!https?:|#)([^)#]+)", (ROOT / name).read_text())
+    assert not [link for link in links if not (ROOT / link).exists()]

@@ -64,7 +64,7 @@ def test_example_runs_without_a_card(script: str, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def served() -> Iterator[str]:
-    """A 7I92 with a 7I77 with a motor on axis 0, a 7I84, and an 8I20 with a motor, behind UDP in real time."""
+    """A 7I92 with a 7I77 with a motor on axis 0, a 7I84 and an 8I20 with a motor, behind UDP in real time."""
     board = EmulatedBoard("7i92+7i77", clock="real", sserial_channels=4)
     board.sserial[0].attach(2, catalog.remote("8i20"))
     board.sserial[0].attach(3, catalog.remote("7i84"))
