@@ -1,334 +1,25 @@
-"""Writes docs/reference/capabilities.md: what is driven by which class, emulated by what, tested where.
+"""Writes docs/reference/capabilities.md: what drives what, what emulates it, where it is tested; gaps.
 
-Every class and file named here must exist, and every attribute of hostmot2/parts.py must have a row.
+Every class and file named must exist, and every attribute of hostmot2/parts.py must have a row.
 
     python docs/generate_capabilities.py [--check]
 """
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import sys
-from dataclasses import dataclass
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGE = ROOT / "docs" / "reference" / "capabilities.md"
-sys.path.insert(0, str(ROOT))  # also where the package is not installed
+from capabilities import BOARD, MODULES, Row
+from generating import ROOT, main, table
+from peers import LINUXCNC_BOARD, LINUXCNC_CONFIG, LINUXCNC_MODULES, MESAFLASH, Peer
 
-
-@dataclass(frozen=True)
-class Row:
-    """One capability.
-
-    driver and emulator are `module:name` in the package, or paths from the root. part: the attribute of
-    Board. note: what is different, left out or refused.
-    """
-
-    capability: str
-    driver: tuple[str, ...]
-    emulator: tuple[str, ...]
-    tests: tuple[str, ...]
-    note: str = ""
-    part: str = ""
-    refused: bool = False
-
-
-def module(
-    capability: str, part: str, driver: str, emulator: str, tests: str, note: str = "", refused: bool = False
-) -> Row:
-    """A row of a module; several names are separated by spaces."""
-    classes = tuple(f"hostmot2.{name}" for name in driver.split())
-    emulators = tuple(f"csrc/emulator/{name}.c" for name in emulator.split())
-    return Row(
-        capability,
-        classes,
-        emulators,
-        tuple(f"tests/{name}.py" for name in tests.split()),
-        note,
-        part,
-        refused,
-    )
-
-
-MODULES = [
-    module(
-        "General-purpose I/O: level, direction, open drain, inversion, alternate source of every pin",
-        "gpio",
-        "modules.ioport:Gpio modules.ioport:GpioPin",
-        "ioport",
-        "modules/test_ioport",
-    ),
-    module(
-        "I/O ports: who owns and drives which pin",
-        "ioport",
-        "modules.ioport:Ioport",
-        "ioport",
-        "modules/test_ioport modules/test_bite",
-    ),
-    module(
-        "Watchdog: time-out, bite, gate for writes until acknowledged",
-        "watchdog",
-        "modules.watchdog:Watchdog",
-        "watchdog",
-        "modules/test_watchdog modules/test_bite test_exits",
-    ),
-    module("LEDs", "leds", "modules.led:Leds", "card_identity", "test_board"),
-    module(
-        "Encoders, plain and multiplexed: 64-bit count, position, velocity, index and probe latch, "
-        "filters, errors",
-        "encoders",
-        "modules.encoder_module:Encoders modules.encoder:Encoder",
-        "encoder muxed_encoder encoder_bank counter",
-        "modules/test_encoder modules/test_encoder_math emulator/test_encoder_reference "
-        "emulator/test_encoder_limits",
-    ),
-    module(
-        "SSI absolute encoders: formats, Gray code, multi-turn, split positions, start by exchange or timer",
-        "ssis",
-        "modules.ssi:Ssis modules.ssi:Ssi modules.absolute_format:parse_format",
-        "ssi",
-        "modules/test_ssi",
-    ),
-    module(
-        "BiSS absolute encoders",
-        "bisses",
-        "modules.unsupported:Bisses",
-        "",
-        "modules/test_unsupported",
-        "hardware and the known driver disagree on the start bits",
-        refused=True,
-    ),
-    module(
-        "Fanuc absolute encoders",
-        "fanucs",
-        "modules.unsupported:Fanucs",
-        "",
-        "modules/test_unsupported",
-        "hardware and the known driver disagree on how settings are loaded",
-        refused=True,
-    ),
-    module(
-        "Resolvers: angle, turns, velocity, index with divisor, excitation",
-        "resolvers",
-        "modules.resolver:Resolvers modules.resolver:Resolver",
-        "resolver",
-        "modules/test_resolver",
-        "the status bit is shown as it is: the sources disagree on whether it means valid or "
-        "error; positions are "
-        "not kept in a file",
-    ),
-    module(
-        "Step generators: position and velocity control, pulse times, modes, tables",
-        "stepgens",
-        "modules.stepgen:Stepgens modules.stepgen:Stepgen",
-        "stepgen stepper",
-        "modules/test_stepgen_math emulator/test_generators",
-        "latching by index and probe is refused: hardware and drivers in use disagree on the bits",
-    ),
-    module(
-        "PWM and PDM generators: duty, output kinds, offset mode, frequencies",
-        "pwmgens",
-        "modules.pwmgen:Pwmgens modules.pwmgen:Pwmgen",
-        "pwmgen",
-        "emulator/test_generators modules/test_bite",
-    ),
-    module(
-        "Three-phase PWM: duties, dead time, fault input, ADC sample time, frequency",
-        "tp_pwms",
-        "modules.tp_pwm:TpPwms modules.tp_pwm:TpPwm",
-        "tp_pwm",
-        "modules/test_tp_pwm",
-        "a fault stays until enabled again; nothing is rewritten behind the user's back",
-    ),
-    module(
-        "Servo pulses (RC PWM): width by scale and offset, common rate",
-        "rcpwms",
-        "modules.rcpwm:Rcpwms modules.rcpwm:Rcpwm",
-        "rcpwm",
-        "modules/test_rcpwm",
-    ),
-    module(
-        "Pulse timers (OneShot): widths, filters, triggers by software, pin, DPLL, rate or each other",
-        "oneshots",
-        "modules.oneshot:Oneshots modules.oneshot:OneshotTimer",
-        "oneshot",
-        "modules/test_oneshot",
-    ),
-    module(
-        "Period meters: period, width, duty, averages, minimum frequency, filter, inversion",
-        "periods",
-        "modules.period:Periods modules.period:Period",
-        "period",
-        "modules/test_period",
-    ),
-    module(
-        "InM inputs: filtered and raw, slow and fast filter, scan rate, hand wheels",
-        "inms",
-        "modules.field_input:Inms modules.field_input:FieldInputs",
-        "field_input",
-        "modules/test_field_input",
-    ),
-    module(
-        "InMux inputs: the same behind a multiplexer",
-        "inmuxes",
-        "modules.field_input:Inmuxes modules.field_input:FieldInputs",
-        "field_input",
-        "modules/test_field_input",
-    ),
-    module(
-        "SSR outputs with their carrier, inversion",
-        "ssrs",
-        "modules.outputs:Ssrs modules.outputs:FieldOutputs",
-        "outputs",
-        "modules/test_outputs",
-    ),
-    module(
-        "OutM outputs, inversion",
-        "outms",
-        "modules.outputs:Outms modules.outputs:FieldOutputs",
-        "outputs",
-        "modules/test_outputs",
-    ),
-    module(
-        "XY2-100 galvanometers",
-        "xy2mods",
-        "modules.unsupported:Xy2mods",
-        "",
-        "modules/test_unsupported",
-        "what a velocity means contradicts what a position means in the one known driver",
-        refused=True,
-    ),
-    module(
-        "Smart serial: discovery, process data, faults, parameters",
-        "sserial",
-        "sserial:SserialPorts sserial.port:SserialPort sserial.channel:Channel",
-        "sserial sslbp remote",
-        "sserial/test_port sserial/test_discovery sserial/test_recorded_firmware emulator/test_sslbp_golden",
-    ),
-    module(
-        "Buffered SPI: channels, transfers, words of each exchange",
-        "bspis",
-        "modules.bspi:Bspis modules.bspi:Bspi modules.bspi:BspiFrame",
-        "bspi",
-        "modules/test_bspi",
-    ),
-    module(
-        "UARTs: set-up, sending, reading",
-        "uarts",
-        "modules.uart:Uarts modules.uart:Uart",
-        "uart",
-        "modules/test_uart",
-    ),
-    module(
-        "Packet UARTs: set-up, frames out and in with the receiver's errors, all versions",
-        "pktuarts",
-        "modules.pktuart:Pktuarts modules.pktuart:Pktuart",
-        "pktuart",
-        "modules/test_pktuart",
-        "a Modbus client is not part of the package",
-    ),
-    module(
-        "DPLL: frequency, timers, time constant, phase error",
-        "dpll",
-        "modules.dpll:Dpll",
-        "dpll",
-        "emulator/test_generators",
-    ),
-]
-
-BOARD = [
-    Row(
-        "PCI cards: finding, mapping, one driver per card",
-        ("hostmot2.transports.pci:open_transport",),
-        ("csrc/emulator/mirror.c",),
-        ("tests/transports/test_pci.py",),
-    ),
-    Row(
-        "Ethernet cards over LBP16 on UDP, sequenced, retried where that is safe",
-        ("hostmot2.transports.udp:open_transport", "csrc/udp.c"),
-        ("csrc/emulator/ethernet.c",),
-        ("tests/test_udp.py", "tests/test_udp_board.py", "tests/test_lbp16.py"),
-    ),
-    Row(
-        "A card without hardware, for tests",
-        ("hostmot2.transports.emulated:open_transport",),
-        ("hostmot2.emulator:EmulatedBoard",),
-        ("tests/emulator/test_emulated_board.py",),
-    ),
-    Row(
-        "FPGA image files: reading and checking the part; writing the configuration flash of Ethernet cards",
-        ("hostmot2.bitfile", "hostmot2.ethernet.flash"),
-        ("csrc/emulator/ethernet_flash.c",),
-        ("tests/test_bitfile.py", "tests/test_ethernet_service.py"),
-        "volatile programming of cards without a flash is not there; parallel port and SPI neither",
-    ),
-    Row(
-        "Everything the card says of itself read and checked, one exception per check",
-        ("hostmot2.inventory:read_inventory",),
-        ("csrc/emulator/card_identity.c",),
-        ("tests/test_idrom.py",),
-    ),
-    Row(
-        "Exchanges: read and write together, apart, or in two halves so that several cards overlap",
-        ("hostmot2.cycle:Cycle", "csrc/cycle.c"),
-        ("csrc/emulator/card_bus.c",),
-        ("tests/test_board.py",),
-    ),
-    Row(
-        "A real-time thread for the cycle: schedule, dead-man, policies for stale data, overruns and faults, "
-        "position controllers, trace and records of every cycle",
-        ("hostmot2.engine:Engine", "csrc/engine.c"),
-        ("csrc/emulator/card_bus.c",),
-        ("tests/test_engine.py",),
-        part="engine",
-    ),
-    Row(
-        "Every cycle in an MCAP file (values, raw registers, times), read whole or cut off, exported, drawn",
-        ("hostmot2.recording:Recorder", "hostmot2.recording:Recording", "csrc/record_ring.c"),
-        (),
-        ("tests/recording/test_round_trip.py", "tests/recording/test_cut_off.py"),
-    ),
-    Row(
-        "A recording in the card's place: the driver sees and must do what it did then",
-        ("hostmot2.recording:Replay",),
-        (),
-        ("tests/recording/test_replay.py", "tests/recording/test_engine.py"),
-    ),
-    Row(
-        "Link errors counted, a level at which the link is given up, recovery that writes everything anew",
-        ("hostmot2.board:Board", "csrc/udp_retry.c"),
-        ("csrc/emulator/ethernet_fault.c",),
-        ("tests/test_udp.py", "tests/test_udp_board.py"),
-    ),
-    Row(
-        "What is on the card and on which pin; raw registers, decoded",
-        ("hostmot2.cli.identify", "hostmot2.cli.registers"),
-        (),
-        ("tests/test_cli.py",),
-    ),
-    Row(
-        "Outputs off on every way out, the watchdog left to bite",
-        ("hostmot2.exits", "hostmot2.board:SafeOff"),
-        ("csrc/emulator/watchdog.c",),
-        ("tests/test_exits.py",),
-    ),
-    Row(
-        "Absolute encoders started by each exchange where no DPLL timer is used",
-        ("hostmot2.modules.ssi:Ssi", "csrc/absolute_encoder.c"),
-        ("csrc/emulator/ssi.c",),
-        ("tests/modules/test_ssi.py",),
-    ),
-    Row(
-        "Number and kind of modules to use",
-        ("hostmot2.parts",),
-        (),
-        ("tests/test_board.py",),
-        "no configuration string: a part of the card is set up when it is first used, the others "
-        "are left alone",
-    ),
-]
+PEERS = {
+    "LinuxCNC's hostmot2: the board": LINUXCNC_BOARD,
+    "LinuxCNC's hostmot2: the config string": LINUXCNC_CONFIG,
+    "LinuxCNC's hostmot2: modules": LINUXCNC_MODULES,
+    "mesaflash": MESAFLASH,
+}
 
 
 def problem(name: str) -> str:
@@ -346,15 +37,18 @@ def problem(name: str) -> str:
 def problems() -> list[str]:
     """Everything named that does not exist, and every part of a board that has no row."""
     rows = BOARD + MODULES
-    names = [name for row in rows for name in (*row.driver, *row.emulator, *row.tests)]
-    found = [text for name in sorted(set(names)) if (text := problem(name))]
+    named = [name for row in rows for name in (*row.driver, *row.emulator, *row.tests)]
+    named += [name for peers in PEERS.values() for peer in peers for name in peer.ours]
+    found = [text for name in sorted(set(named)) if (text := problem(name))]
     parts = importlib.import_module("hostmot2.parts").PARTS
     have = {row.part for row in rows if row.part}
     found += [f"Board.{part} has no row" for part in sorted(set(parts) - have - {"cards", "cycle"})]
     found += [f"a row names Board.{part}, which is no part" for part in sorted(have - set(parts))]
     found += [f"{row.capability}: no test" for row in rows if not row.tests]
     driven = [row for row in MODULES if not row.refused]
-    return found + [f"{row.capability}: no emulator" for row in driven if not row.emulator]
+    found += [f"{row.capability}: no emulator" for row in driven if not row.emulator]
+    silent = [peer for peers in PEERS.values() for peer in peers if not peer.ours and not peer.gap]
+    return found + [f"{peer.feature}: missing without a word" for peer in silent]
 
 
 def names(values: tuple[str, ...]) -> str:
@@ -363,62 +57,61 @@ def names(values: tuple[str, ...]) -> str:
     return ", ".join(f"`{name}`" for name in short) or "-"
 
 
-def table(rows: list[Row], with_part: bool) -> list[str]:
-    """A Markdown table."""
-    lines = ["| capability | driver | emulated by | tests |", "|---|---|---|---|"]
+def capabilities(rows: list[Row], with_part: bool) -> list[str]:
+    """The table of what there is."""
+    lines = []
     for row in rows:
         part = f"`Board.{row.part}`: " if with_part else ""
         refused = "**refused** (`UnsupportedFirmware`): " if row.refused else ""
         note = f" ({row.note})" if row.note else ""
-        lines.append(
-            f"| {row.capability}{note} | {refused}{part}{names(row.driver)} | {names(row.emulator)} "
-            f"| {names(row.tests)} |"
-        )
+        driver = f"{refused}{part}{names(row.driver)}"
+        lines.append((row.capability + note, driver, names(row.emulator), names(row.tests)))
+    return table(("capability", "driver", "emulated by", "tests"), lines)
+
+
+def gaps() -> list[str]:
+    """What the others have: a table for each, and a line that counts."""
+    lines = []
+    for title, peers in PEERS.items():
+        rows = [(peer.feature, peer.verdict, names(peer.ours), peer.gap) for peer in peers]
+        lines += [f"### {title}", "", counted(peers), ""]
+        lines += [*table(("feature", "here", "by", "what is missing or different"), rows), ""]
     return lines
 
 
-def page() -> str:
+def counted(peers: list[Peer]) -> str:
+    """How many of the features are here."""
+    whole = sum(peer.verdict == "yes" for peer in peers)
+    partly = sum(peer.verdict == "partly" for peer in peers)
+    missing = len(peers) - whole - partly
+    return f"{len(peers)} features: {whole} here, {partly} partly or differently, {missing} not."
+
+
+def pages() -> dict[str, str]:
     """The page."""
     lines = [
-        "# Capabilities",
+        "# Capabilities and gaps",
         "",
-        "Generated by docs/generate_capabilities.py, which checks that everything named here "
-        "exists. Do not edit.",
+        "Generated by docs/generate_capabilities.py, which checks that what is named exists. Do not edit.",
         "",
-        "What is driven is driven against an emulated counterpart that is written from the same "
-        "facts, never from "
-        "the driver. Where the sources contradict each other about hardware nobody here could "
-        "measure, the part is "
-        "refused, and the refusal says what disagrees.",
+        "What is driven is driven against an emulated counterpart that is written from the same facts, "
+        "never from the driver. Where the sources contradict each other about hardware nobody here could "
+        "measure, the part is refused, and the refusal says what disagrees. No real card has been driven.",
         "",
+        "## Compared with other programs",
+        "",
+        *gaps(),
         "## Modules of the firmware",
         "",
-        *table(MODULES, True),
+        *capabilities(MODULES, True),
         "",
         "## The board",
         "",
-        *table(BOARD, False),
+        *capabilities(BOARD, False),
         "",
     ]
-    return "\n".join(lines)
-
-
-def main() -> int:
-    """Writes the page, or checks it."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="write nothing; fail if the page would change")
-    check = parser.parse_args().check
-    found = problems()
-    if check and (not PAGE.exists() or PAGE.read_text() != page()):
-        found.append(f"{PAGE.relative_to(ROOT)} is not up to date: run docs/generate_capabilities.py")
-    for text in found:
-        print(text)
-    if found:
-        return 1
-    if not check:
-        PAGE.write_text(page())
-    return 0
+    return {"reference/capabilities.md": "\n".join(lines)}
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(__doc__, pages, problems()))

@@ -201,7 +201,7 @@ def c_strict() -> str:
 
 @step
 def package() -> str:
-    """sdist, a wheel built from it, abi3audit, exported symbols, and the wheel at work on its own."""
+    """sdist, a wheel from it, abi3audit, exported symbols, the wheel in clean environments."""
     out = BUILD / "dist"
     shutil.rmtree(out, ignore_errors=True)
     with SETUPTOOLS:
@@ -210,6 +210,7 @@ def package() -> str:
     if "-cp311-abi3-" not in wheel.name:
         raise Failed(f"{wheel.name} is not a cp311-abi3 wheel")
     run(PYTHON, "-m", "abi3audit", "--strict", str(wheel))
+    check_published()
     place = out / "installed"
     run(PYTHON, "-m", "pip", "install", "-q", "--no-deps", "--target", str(place), str(wheel))
     for extension in (place / "hostmot2").glob("*.so"):
@@ -223,7 +224,15 @@ def package() -> str:
     said = run(PYTHON, "-P", "-c", program, env={"PYTHONPATH": str(place)}, cwd=out)
     if str(place) not in said:
         raise Failed(f"not the installed wheel: {said}")
-    return wheel.name
+    return f"{wheel.name}: {last_line(run(PYTHON, 'tools/packages.py', str(wheel), str(out / 'clean')))}"
+
+
+def check_published() -> None:
+    """cibuildwheel understands its configuration: one wheel for each processor."""
+    command = [PYTHON, "-m", "cibuildwheel", "--print-build-identifiers", "--platform", "linux"]
+    planned = run(*command, "--archs", "x86_64,aarch64").split()
+    if planned != ["cp311-manylinux_x86_64", "cp311-manylinux_aarch64"]:
+        raise Failed(f"cibuildwheel would build {planned}")
 
 
 @step
@@ -258,7 +267,7 @@ def types() -> str:
     run(PYTHON, "-m", "mypy", "--strict", "registers/generate.py")
     for generator in sorted(ROOT.glob("docs/generate_*.py")):
         run(PYTHON, "-m", "mypy", "--strict", str(generator))
-    run(PYTHON, "-m", "mypy", "--strict", "tools/check.py", "tools/sizes.py")
+    run(PYTHON, "-m", "mypy", "--strict", "tools/check.py", "tools/sizes.py", "tools/packages.py")
     return last_line(run(PYTHON, "-m", "mypy"))
 
 

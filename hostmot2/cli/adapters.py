@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from importlib.util import find_spec
 
 import click
 
@@ -19,7 +20,10 @@ def report_adapters(context: click.Context, session: Session) -> None:
         (a.port, a.driver, a.usb_id, a.serial_number, a.description, "FTDI" if a.likely else "")
         for a in found
     ]
+    nothing = "no serial port or adapter"
+    if find_spec("serial") is None:
+        nothing = "listing serial ports needs pyserial: pip install 'hostmot2[serial]'"
     document = [asdict(adapter) | {"likely": adapter.likely} for adapter in found]
-    session.report(document, rows(HEADER, lines) if lines else "no serial port or adapter")
+    session.report(document, rows(HEADER, lines) if lines else nothing)
     if not found:
         context.exit(3)
