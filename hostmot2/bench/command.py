@@ -97,10 +97,8 @@ def _draw(reports: list[Report], plot: Path) -> None:
 
     try:
         draw(reports, plot)
-    except (ImportError, ValueError) as problem:
-        failed = click.ClickException(str(problem))
-        failed.exit_code = 3 if isinstance(problem, ImportError) else 2  # as hm2 has them
-        raise failed from problem
+    except ValueError as problem:
+        raise click.ClickException(str(problem)) from problem
 
 
 def _compared(reports: list[Report], old: Path) -> str:
