@@ -39,7 +39,7 @@ INTERFACE = (
     "info", "pins", "modules", "discover", "peek", "poke", "dump", "diff", "sserial/scan", "sserial/start",
     "sserial/stop", "sserial/status", "sserial/counters", "param/list", "param/get", "param/set",
     "param/save", "param/backup", "param/restore", "param/diff", "rpd", "wpd", "uflbp", "emulate",
-    "emu/get", "emu/set", "emulate-remote", "bench", "record", "play", "plot", "explain", "setup/udev",
+    "emu/get", "emu/set", "emulate-remote", "bench", "record", "play", "plot", "explain", "doctor", "setup/udev",
     "ip", "flash/info", "flash/backup", "flash/verify", "flash/write", "reload",
 )  # fmt: skip
 

@@ -52,6 +52,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "reload": "hostmot2.cli.ethernet:reload",
     },
     "When something is wrong, and this machine": {
+        "doctor": "hostmot2.cli.doctor:doctor",
         "explain": "hostmot2.cli.explain:explain",
         "setup": "hostmot2.cli.setup:setup",
         "completion": "hostmot2.cli.completion:completion",

@@ -15,6 +15,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import click
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 import hostmot2
 from hostmot2.board import Board
@@ -79,11 +80,13 @@ def _console() -> Console:
 
 
 def rows(header: Sequence[str], lines: Sequence[Sequence[object]], title: str | None = None) -> Table:
-    """A table; cells become text, None an empty cell. Without a header: names and values."""
+    """A table; cells become text, None an empty one. Without a header: names and values."""
     table = Table(*header, title=title, title_justify="left", box=None, pad_edge=False)
     table.show_header = bool(header)
     for line in lines:
-        table.add_row(*("" if cell is None else str(cell) for cell in line))
+        table.add_row(
+            *(cell if isinstance(cell, Text) else "" if cell is None else str(cell) for cell in line)
+        )
     return table
 
 
