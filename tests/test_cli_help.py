@@ -39,8 +39,8 @@ INTERFACE = (
     "info", "pins", "modules", "discover", "peek", "poke", "dump", "diff", "sserial/scan", "sserial/start",
     "sserial/stop", "sserial/status", "sserial/counters", "param/list", "param/get", "param/set",
     "param/save", "param/backup", "param/restore", "param/diff", "rpd", "wpd", "uflbp", "emulate",
-    "emu/get", "emu/set", "emulate-remote", "bench", "record", "play", "plot", "explain", "doctor", "setup/udev",
-    "ip", "flash/info", "flash/backup", "flash/verify", "flash/write", "reload",
+    "emu/get", "emu/set", "emulate-remote", "bench", "record", "play", "plot", "explain", "doctor",
+    "setup/udev", "ip", "flash/info", "flash/backup", "flash/verify", "flash/write", "reload",
 )  # fmt: skip
 
 
@@ -114,6 +114,7 @@ NEEDS_MORE = (
     "bench",
     "discover",
     "setup ",
+    "doctor",
 )
 """Hardware, a served card, or minutes: those are tested where they belong."""
 
