@@ -40,7 +40,8 @@ INTERFACE = (
     "sserial/stop", "sserial/status", "sserial/counters", "param/list", "param/get", "param/set",
     "param/save", "param/backup", "param/restore", "param/diff", "rpd", "wpd", "uflbp", "emulate",
     "emu/get", "emu/set", "emulate-remote", "bench", "record", "play", "plot", "explain", "doctor",
-    "setup/udev", "ip", "flash/info", "flash/backup", "flash/verify", "flash/write", "reload",
+    "setup/udev", "setup/rt", "setup/net", "ip",
+    "flash/info", "flash/backup", "flash/verify", "flash/write", "reload",
 )  # fmt: skip
 
 
