@@ -95,7 +95,7 @@ def _in_programs(kind: type[HostMot2Error]) -> list[str]:
     code = failure.exit_code_of(kind)
     numbers = ", ".join(f"`{name}` ({EVIDENCE[name]})" for name in NUMBERS)
     return [
-        f"```python\nfrom {module} import {kind.__name__}\n```",
+        f"`from {module} import {kind.__name__}`",
         f"`except {kind.__name__}` catches it.{also} At the prompt, `hm2` ends with status {code} "
         f"({catalogue.exit_meaning(kind)}).",
         f"Numbers, where they are known: {numbers}. `evidence`, `causes` and `fix` hold the text; `report()` "
