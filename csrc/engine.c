@@ -57,6 +57,7 @@ int hm2_engine_new(struct hm2_board *board, struct hm2_cycle *cycle, const hm2_e
 	made->cycle = cycle;
 	made->config = *config;
 	made->status.off = HM2_OFF_IDLE;
+	engine_record_new(&made->image);
 	int status = engine_data_new(made, inputs, input_count, outputs, output_count) && engine_trace_new(made)
 	                     ? HM2_OK
 	                     : hm2_error_set(error, HM2_ERR_NO_MEMORY, "engine");
@@ -102,6 +103,7 @@ static void wait_until_due(struct hm2_engine *engine)
 	const int64_t due_ns = engine->due_ns;
 	if (engine->config.virtual_time) {
 		hm2_board_pause_ns(engine->board, due_ns - engine_now_ns(engine));
+		engine_prepare(engine, due_ns);
 		return;
 	}
 	const int64_t wake_ns = due_ns - engine->config.early_ns;
@@ -111,6 +113,7 @@ static void wait_until_due(struct hm2_engine *engine)
 		const struct timespec until = {(time_t)(to_ns / 1000000000), (long)(to_ns % 1000000000)};
 		clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
 	}
+	engine_prepare(engine, due_ns);
 	while (hm2_clock_now_ns() < due_ns && !atomic_load(&engine->stopping))
 		;
 }
@@ -118,7 +121,7 @@ static void wait_until_due(struct hm2_engine *engine)
 static void one_cycle(struct hm2_engine *engine)
 {
 	wait_until_due(engine);
-	engine_cycle(engine, engine->due_ns);
+	engine_cycle(engine);
 	engine_schedule(engine);
 }
 
@@ -129,7 +132,8 @@ static void last_cycles(struct hm2_engine *engine)
 	for (uint32_t i = 0; i < engine->port_count; i++)
 		engine_lend_no_more(&engine->ports[i]); /* the zeroes need its DOIT */
 	for (int i = 0; i < LAST_CYCLES; i++) {
-		engine_cycle(engine, engine_now_ns(engine));
+		engine_prepare(engine, engine_now_ns(engine));
+		engine_cycle(engine);
 		if (engine->config.virtual_time)
 			hm2_board_pause_ns(engine->board, DOIT_MOST_NS);
 		else

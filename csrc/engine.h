@@ -52,6 +52,19 @@ struct engine_port {
 	uint32_t cyclic;    /* what its mask was before */
 };
 
+/* What the last exchange of a kind moved, and where its words go in the image. */
+struct engine_move {
+	const uint32_t *from;
+	uint16_t slot, count;
+};
+
+struct engine_plan {
+	size_t transfers, moves;
+	uint32_t fresh[HM2_RECORD_WORDS / 32];
+	struct engine_move move[HM2_RECORD_WORDS];
+	hm2_transfer transfer[HM2_CYCLE_TRANSFERS];
+};
+
 /* The register image: a word per address and direction, in the order they were first seen. */
 struct engine_image {
 	struct hm2_record_ring *ring;
@@ -60,10 +73,11 @@ struct engine_image {
 	uint32_t address[HM2_RECORD_WORDS]; /* bit 0: write */
 	uint32_t words[HM2_RECORD_WORDS];
 	uint16_t slots[2][HM2_ADDRESS_SPACE / 4];
+	struct engine_plan plans[2]; /* of exchanges that only write; that read */
 };
 
 struct engine_trace {
-	hm2_histogram stages[HM2_STAGES + 1];
+	hm2_histogram stages[HM2_STAGES + 2]; /* as hm2_engine_get_histogram gives them */
 	hm2_record slowest[HM2_ENGINE_SLOWEST];
 	uint32_t slowest_count;
 	shared_words shared; /* count, then the slowest */
@@ -113,7 +127,8 @@ struct hm2_engine {
 int64_t engine_now_ns(const struct hm2_engine *engine);
 
 /* engine_cycle.c */
-void engine_cycle(struct hm2_engine *engine, int64_t due_ns);
+void engine_prepare(struct hm2_engine *engine, int64_t due_ns);
+void engine_cycle(struct hm2_engine *engine);
 void engine_schedule(struct hm2_engine *engine);
 
 /* engine_data.c: vectors */
@@ -143,12 +158,19 @@ void engine_judge_ports(struct hm2_engine *engine);
 void engine_judge_outputs(struct hm2_engine *engine, int fresh);
 void engine_judge_time(struct hm2_engine *engine, int64_t missed);
 
-/* engine_trace.c: stamps, histograms, records */
+/* engine_record.c: raw words and records */
+void engine_record_new(struct engine_image *image);
+void engine_plan_capture(struct hm2_engine *engine, int reads);
+void engine_capture(struct hm2_engine *engine, int reads);
+void engine_push_record(struct hm2_engine *engine);
+void engine_warm_record(const struct hm2_engine *engine);
+
+/* engine_trace.c: stamps, histograms */
 int engine_trace_new(struct hm2_engine *engine);
 void engine_trace_free(struct hm2_engine *engine);
 void engine_stamp(struct hm2_engine *engine, int stage);
-void engine_capture(struct hm2_engine *engine);
 void engine_trace_cycle(struct hm2_engine *engine);
+void engine_trace_rest(struct hm2_engine *engine);
 void engine_clear_trace(struct hm2_engine *engine);
 
 #endif

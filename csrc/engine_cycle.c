@@ -10,11 +10,12 @@ static int exchange(struct hm2_engine *engine, int reads, int writes, int begun,
 	int status = cycle_begin(cycle, reads, writes, &error);
 	if (begun >= 0)
 		engine_stamp(engine, begun);
+	engine_plan_capture(engine, reads);
 	if (status == HM2_OK)
 		status = cycle_await(cycle, hm2_board_now_ns(engine->board) + engine->config.reply_ns, &error);
 	engine_stamp(engine, replied);
 	if (status == HM2_OK)
-		engine_capture(engine);
+		engine_capture(engine, reads);
 	return status;
 }
 
@@ -33,12 +34,19 @@ static void compute(struct hm2_engine *engine, int status)
 	engine_stamp(engine, HM2_STAGE_PACK);
 }
 
-void engine_cycle(struct hm2_engine *engine, int64_t due_ns)
+/* What can be done before it is time. */
+void engine_prepare(struct hm2_engine *engine, int64_t due_ns)
 {
-	const int modify = engine->config.style == HM2_ENGINE_READ_MODIFY_WRITE;
 	engine->record = (hm2_record){.cycle = engine->status.cycles, .start_ns = due_ns};
 	if (engine->overruns_in_a_row)
 		engine->record.flags = HM2_ENGINE_OVERRAN;
+	engine_warm_record(engine);
+}
+
+/* Now, as engine_prepare was told. */
+void engine_cycle(struct hm2_engine *engine)
+{
+	const int modify = engine->config.style == HM2_ENGINE_READ_MODIFY_WRITE;
 	engine_stamp(engine, HM2_STAGE_WAKE);
 	const int status = exchange(engine, 1, !modify, HM2_STAGE_REQUEST, HM2_STAGE_REPLY);
 	if (status == HM2_OK) {
@@ -60,9 +68,10 @@ void engine_cycle(struct hm2_engine *engine, int64_t due_ns)
 		engine->record.stage_ns[HM2_STAGE_WRITE] = engine->record.stage_ns[HM2_STAGE_PACK];
 	}
 	engine->status.cycles++;
-	engine->status.start_ns = due_ns;
+	engine->status.start_ns = engine->record.start_ns;
 	engine_trace_cycle(engine);
 	engine_publish(engine);
+	engine_trace_rest(engine);
 }
 
 void engine_schedule(struct hm2_engine *engine)

@@ -1328,6 +1328,8 @@ void hm2_record_ring_free(struct hm2_record_ring *ring);
 int hm2_record_ring_push(struct hm2_record_ring *ring, const void *record);
 /* The same without the copy: where the next record may be put (NULL: no room, counted), and giving it away. */
 void *hm2_record_ring_reserve(struct hm2_record_ring *ring);
+/* Where the next record will lie, free or not yet: to have its memory at hand. For the pusher. */
+const void *hm2_record_ring_next(const struct hm2_record_ring *ring);
 void hm2_record_ring_commit(struct hm2_record_ring *ring);
 /* Up to `most` records into a buffer of most * record_size bytes, oldest first; returns how many. */
 size_t hm2_record_ring_pop_many(struct hm2_record_ring *ring, void *buffer, size_t most);
@@ -1534,7 +1536,8 @@ void hm2_engine_port_back(struct hm2_engine *engine, uint32_t port);
 int hm2_engine_lend_port(struct hm2_engine *engine, uint32_t port, int wanted);
 size_t hm2_engine_take_events(struct hm2_engine *engine, hm2_engine_event *events, size_t capacity);
 
-/* Durations of stages (HM2_STAGE_WAKE: lateness), and HM2_STAGES: of whole cycles. All while running. */
+/* Durations of stages (HM2_STAGE_WAKE: lateness); HM2_STAGES: of whole cycles; HM2_STAGES + 1: of what follows a
+ * cycle, trace, record and the publishing of its values. All while running. */
 void hm2_engine_get_histogram(const struct hm2_engine *engine, int stage, hm2_histogram *histogram);
 /* The slowest cycles since the beginning, in no order; returns how many. */
 size_t hm2_engine_slowest(const struct hm2_engine *engine, hm2_record *records, size_t capacity);
@@ -1611,6 +1614,17 @@ typedef struct hm2_pm_motor {
  * and looks at it after hm2_emulator_sync. */
 int hm2_emulator_add_dc_motor(hm2_emulator *card, hm2_dc_motor *motor, hm2_error *error);
 int hm2_emulator_add_pm_motor(hm2_emulator *card, hm2_pm_motor *motor, hm2_error *error);
+
+/* ---- the floor of cycles, to measure against (engine_floor.c) -------------------------------- */
+
+/* Wakes up on an absolute schedule, `early_ns` before it is due and awake from then on, and notes how late it was.
+ * In the caller's thread, with what scheduling that has. */
+void hm2_floor_wake(int64_t period_ns, int64_t early_ns, uint32_t cycles, hm2_histogram *lateness);
+/* The same exchange again and again; ns: the time of each. */
+int hm2_floor_exchanges(struct hm2_board *board, const hm2_transfer *transfers, size_t count, uint32_t exchanges,
+                        uint64_t *ns, hm2_error *error);
+/* The same record so many times; the time of all. */
+uint64_t hm2_floor_pushes(struct hm2_record_ring *ring, const void *record, uint32_t pushes);
 
 /* ---- the floor of UDP exchanges, to measure against (udp_floor.c) --------------------------- */
 

@@ -78,6 +78,11 @@ void *hm2_record_ring_reserve(struct hm2_record_ring *ring)
 	return slot(ring, position);
 }
 
+const void *hm2_record_ring_next(const struct hm2_record_ring *ring)
+{
+	return slot(ring, atomic_load_explicit(&ring->pushed, memory_order_relaxed));
+}
+
 void hm2_record_ring_commit(struct hm2_record_ring *ring)
 {
 	const uint64_t position = atomic_load_explicit(&ring->pushed, memory_order_relaxed);

@@ -80,7 +80,8 @@ struct hm2_sserial {
 	int reading;         /* the cycle's exchange at work reads results */
 	int hung;            /* the cycle found a DOIT that does not end */
 	int64_t doit_ns;     /* when the last DOIT was written */
-	int64_t expected_ns; /* what a good DOIT has been taking */
+	int64_t expected_ns; /* when to look for the end of a DOIT, from its write */
+	int64_t look_ns;     /* what a look takes */
 	int chattered;       /* channels were started since the last DOIT */
 	struct sserial_channel channels[CHANNELS];
 	struct sserial_lists lists;

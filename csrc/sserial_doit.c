@@ -3,10 +3,10 @@
 
 #include <string.h>
 
-/* A DOIT's duration varies by a pass of the firmware's loop: waiting that much longer is cheaper than
- * another read. */
+/* A DOIT's duration varies by a pass of the firmware's loop. Where a look at COMMAND takes less, looks follow each other
+ * until it has ended; where a look is a round trip, waiting for the longest is cheaper than another one. */
 #define LOOP_PASS_NS 3000
-#define RETRY_NS 2000
+#define RETRY_NS 1000
 
 static void add(struct sserial_lists *lists, size_t *count, uint32_t address, int flags, uint32_t *words)
 {
@@ -107,21 +107,47 @@ int sserial_take_results(struct hm2_sserial *port)
 	return (int)failed;
 }
 
-/* Learns from good transfers only: a lost reply takes longer than any that will be waited for, and so
- * does the first after a start, which waits for the chatter. A hiccup of the host or a lost datagram must
- * not be learned either: longer than any DOIT takes does not count, and it grows in steps; it creeps back
- * towards the shortest wait that does. */
-static void learn(struct hm2_sserial *port, int64_t took_ns, int first_look, uint32_t failed)
+/* Looks follow each other, and should begin when about a quarter of the DOITs are over: then the others are seen at once
+ * and few looks are in vain. A hiccup of the host moves it by one look at most. */
+static void learn_begin(struct hm2_sserial *port, int64_t took_ns, int first_look)
+{
+	const int64_t step_ns = (took_ns - port->expected_ns) / 32;
+	if (first_look)
+		port->expected_ns -= port->expected_ns < RETRY_NS / 10 ? port->expected_ns : RETRY_NS / 10;
+	else if (!port->expected_ns)
+		port->expected_ns = took_ns;
+	else
+		port->expected_ns += step_ns < RETRY_NS ? step_ns : RETRY_NS;
+}
+
+/* One look: a hiccup of the host or a lost datagram must not be learned, so it grows in steps; it creeps back towards
+ * the shortest wait that does. */
+static void learn_wait(struct hm2_sserial *port, int64_t took_ns, int first_look)
 {
 	const int64_t most_ns = port->expected_ns + port->expected_ns / 4 + LOOP_PASS_NS;
 	const int64_t needs_ns = took_ns + LOOP_PASS_NS;
-	port->counters.last_doit_ns = took_ns;
-	if (failed || port->chattered || took_ns > LIMIT_DOIT_NS / MARGIN)
-		port->chattered = 0;
-	else if (first_look)
+	if (first_look)
 		port->expected_ns -= port->expected_ns / 2048;
 	else
 		port->expected_ns = port->expected_ns && needs_ns > most_ns ? most_ns : needs_ns;
+}
+
+static int looks_are_cheap(const struct hm2_sserial *port)
+{
+	return port->look_ns < LOOP_PASS_NS;
+}
+
+/* Learns from good transfers only: a lost reply takes longer than any that will be waited for, and so does the first
+ * after a start, which waits for the chatter; longer than any DOIT takes does not count either. */
+static void learn(struct hm2_sserial *port, int64_t took_ns, int first_look, uint32_t failed)
+{
+	port->counters.last_doit_ns = took_ns;
+	if (failed || port->chattered || took_ns > LIMIT_DOIT_NS / MARGIN)
+		port->chattered = 0;
+	else if (looks_are_cheap(port))
+		learn_begin(port, took_ns, first_look);
+	else
+		learn_wait(port, took_ns, first_look);
 }
 
 static int read_results(struct hm2_sserial *port, hm2_error *error)
@@ -136,29 +162,35 @@ int sserial_hung(struct hm2_sserial *port, const char *where, hm2_error *error)
 	return sserial_recover(port, where, error);
 }
 
-/* The first look is a whole list, so that a well-timed one is the only one; the others read COMMAND.
+/* COMMAND, and with it `others` of the list behind it. */
+static int look(struct hm2_sserial *port, size_t others, int64_t *seen_ns, hm2_error *error)
+{
+	*seen_ns = hm2_board_now_ns(port->board);
+	const int status = hm2_exchange(port->board, port->lists.transfers, 1 + others, error);
+	port->look_ns += (hm2_board_now_ns(port->board) - *seen_ns - port->look_ns) / 8;
+	return status;
+}
+
+/* Where looks are dear the first is a whole list, so that a well-timed one is the only one.
  * Returns 1 if the first look saw the end, 0 if a later one did, or a status. */
 static int look_until_done(struct hm2_sserial *port, int looked, int64_t *seen_ns, hm2_error *error)
 {
 	struct sserial_lists *lists = &port->lists;
-	int status = HM2_OK;
-	*seen_ns = looked ? port->doit_ns : hm2_board_now_ns(port->board);
-	if (!looked)
-		status = read_results(port, error);
-	if (status != HM2_OK || lists->command == 0)
-		return status == HM2_OK ? 1 : status;
-	do {
+	const size_t others = lists->reads - 1;
+	int listed = looked || !looks_are_cheap(port);
+	int first = 1;
+	*seen_ns = port->doit_ns;
+	int status = looked ? HM2_OK : look(port, listed ? others : 0, seen_ns, error);
+	for (; status == HM2_OK && lists->command != 0; first = listed = 0) {
 		/* the clock is read before the look: after the limit there is always one more */
-		const int expired = *seen_ns >= port->busy_until_ns;
-		if (expired)
+		if (*seen_ns >= port->busy_until_ns)
 			return sserial_hung(port, "sserial doit", error);
 		hm2_board_pause_ns(port->board, RETRY_NS);
-		*seen_ns = hm2_board_now_ns(port->board);
-		status = hm2_exchange(port->board, lists->transfers, 1, error);
-		if (status != HM2_OK)
-			return status;
-	} while (lists->command != 0);
-	return read_results(port, error);
+		status = look(port, 0, seen_ns, error);
+	}
+	if (status == HM2_OK && !listed)
+		status = hm2_exchange(port->board, &lists->transfers[1], others, error);
+	return status == HM2_OK ? first : status;
 }
 
 /* Outputs and DOIT were written at doit_ns; the first look at the results may have been taken already. */

@@ -1,12 +1,17 @@
 """The benchmarks' own arithmetic and documents; what they measure is not judged here."""
 
 import json
+import re
+from pathlib import Path
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from hostmot2.bench import command, host
-from hostmot2.bench.report import Goal, Report, Section, compare, document
+import hostmot2
+from hostmot2.bench import command, doit, host, lateness, picture, recorded, split
+from hostmot2.bench.page import page
+from hostmot2.bench.report import Goal, Report, Section, Table, compare, document, earlier, goals_table
 from hostmot2.bench.rounds import Candidate, Timing, measure
 from hostmot2.histogram import Histogram
 
@@ -16,7 +21,10 @@ SLOW, FAST = Timing("slow", (30.0, 10.0, 20.0)), Timing("fast", (3.0, 2.0, 2.0))
 def report():
     section = Section("work", {"slow": SLOW, "fast": FAST}, "slow")
     goals = [Goal("faster", FAST.times_faster_than(SLOW), 5), Goal("time", 20.0, 10, at_least=False)]
-    return Report("test", [section], goals, {"cycle": Histogram([1000] * 100)}, ["a note"])
+    table = Table("parts", ["wire", "host"], {"a mix": [56.0, None]})
+    return Report(
+        "test", [section], goals, {"cycle": Histogram([1000] * 100)}, ["a note"], [table], ["x: no y"]
+    )
 
 
 def test_ratios_are_medians_of_rounds_not_of_times():
@@ -49,12 +57,12 @@ def test_document_goes_through_json_and_compares(tmp_path):
     assert found["reports"][0]["goals"][0]["met"] is True
     old = tmp_path / "old.json"
     old.write_text(json.dumps(found))
-    lines = [line.split(None, 1) for line in compare([report()], old).splitlines()]
+    lines = [line.split(None, 1) for line in compare([report()], earlier(old)).splitlines()]
     assert ["1.00", "test: work: fast"] in lines
     assert ["1.00", "test: cycle: p50_ns"] in lines
     old.write_text("[]")
     with pytest.raises(ValueError, match="not a result"):
-        compare([report()], old)
+        earlier(old)
 
 
 def test_scheduling_is_put_back():
@@ -70,7 +78,7 @@ def test_scheduling_is_put_back():
 
 
 def test_command_writes_json_and_tables(tmp_path, monkeypatch):
-    monkeypatch.setattr(command, "run_benchmark", lambda name, count: report())
+    monkeypatch.setattr(command, "run", lambda *_: report())
     output = tmp_path / "out.json"
     result = CliRunner().invoke(command.bench, ["pack", "-o", str(output)])
     assert result.exit_code == 0, result.output
@@ -82,11 +90,96 @@ def test_command_writes_json_and_tables(tmp_path, monkeypatch):
 
 def test_picture_of_the_histograms(tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
-    monkeypatch.setattr(command, "run_benchmark", lambda name, count: report())
+    monkeypatch.setattr(command, "run", lambda *_: report())
     picture = tmp_path / "out.png"
     result = CliRunner().invoke(command.bench, ["pack", "--plot", str(picture)])
     assert result.exit_code == 0, result.output
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_one_table_has_every_goal_and_says_what_was_left_out():
+    lines = goals_table([report(), report()]).splitlines()
+    assert lines[0].split() == ["goal", "value", "limit", "of", "limit"]
+    assert lines[1].split() == ["test", "met", "faster", "10.000", ">=", "5", "0.50"]
+    assert lines[2].split() == ["test", "MISSED", "time", "20.000", "<=", "10", "2.00"]
+    assert lines[-3:] == ["**** LEFT OUT: x: no y"] * 2 + ["2 of 4 goals met"]
+    assert Goal("drops", 0, 0, at_least=False).met
+    assert Goal("drops", 0, 0, at_least=False).of_limit is None
+
+
+def test_the_tail_is_what_took_longer_down_to_the_last():
+    times, longer = picture.tail_of(Histogram([10_000] * 90 + [20_000] * 9 + [50_000]).buckets())
+    at = {round(time): part for time, part in zip(times, longer, strict=True)}
+    assert longer[0] == 1.0
+    assert at[10] == pytest.approx(0.10)
+    assert at[20] == pytest.approx(0.01)
+    assert at[50] == pytest.approx(0.01)
+    start, parts = picture.distribution(Histogram([10_000] * 3 + [40_000]).buckets())
+    assert np.nansum(parts) == pytest.approx(1.0)
+    assert np.nanmax(parts) == pytest.approx(0.75)
+    assert start[np.nanargmax(parts)] == pytest.approx(10, rel=0.08)
+
+
+def test_an_earlier_runs_lines_are_in_the_picture_too(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    before = json.loads(json.dumps(document([report()], {}, "")))
+    drawn = []
+    monkeypatch.setattr(picture, "_draw_row", lambda row, name, new, old: drawn.append((name, new, old)))
+    picture.draw([report()], tmp_path / "x.png", {"date": "today"}, before)
+    ((name, new, old),) = drawn
+    assert name == "test"
+    assert [len(part) for part in old["cycle"]] == [len(part) for part in new["cycle"]]
+    assert old["cycle"][2] == [100]
+
+
+def test_the_page_is_markdown_with_goals_tables_and_reasons(tmp_path):
+    text = page([report()], {"date": "today", "absent": "not installed"}, "normal scheduler")
+    assert "| test | faster | 10 | >= 5 | 0.50 | met |" in text
+    assert "| test | time | 20 | <= 10 | 2.00 | **missed** |" in text
+    assert "| a mix | 56 |  |" in text
+    assert "date today; scheduling normal scheduler." in text
+    assert "* **Left out:** x: no y" in text
+
+
+@pytest.mark.parametrize("mix", doit.MIXES, ids=[mix.name for mix in doit.MIXES])
+def test_the_floor_of_a_mix_is_that_of_the_fact_sheet(mix):
+    """sserial.md 10: characters of the longest channel at 4 us; performance.md 6: 7 reads and 5 writes."""
+    wire = {"field I/O": 40, "field I/O, mode 2": 60, "analog outputs": 56, "7I77, mode 2": 60}.get(
+        mix.name, 56
+    )
+    with mix.emulated("virtual") as card, hostmot2.open(card) as board:
+        mix.start(board)
+        assert split.wire_us(board.sserial[0], mix.mask) == wire
+        if mix.name == "7I77, mode 2":
+            assert split.words_of(board.sserial[0], mix.mask) == (7, 5)
+
+
+def test_a_card_of_ones_own_is_measured_by_its_url():
+    found = doit.run(20, "emu://5i25+7i77")
+    ((name, cells),) = found.tables[0].rows.items()
+    assert name == "5I25, channels 0x03"
+    parts = dict(zip(found.tables[0].columns, cells, strict=True))
+    assert parts["wire"] == 56
+    assert parts["p50"] >= parts["wire"] + parts["host"]
+    assert len(found.histograms[name]) == 20
+
+
+def test_the_python_of_the_how_to_runs(tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    text = (Path(__file__).parent.parent / "docs/how-to/measure.md").read_text()
+    (block,) = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
+    exec(compile(block.replace('"doit", 100', '"doit", 5'), "measure.md", "exec"), {})
+    assert (tmp_path / "doit.png").exists()
+
+
+def test_cycles_are_compared_with_a_bare_loop_round_by_round():
+    found = Report("cycle")
+    lateness.wake(found, 1, 0.02)
+    assert [len(h) for h in found.histograms.values()] == [pytest.approx(20, abs=19)] * 4
+    assert len(found.goals) == 3
+    recorded.pushes(found)
+    assert found.goals[-1].value == 0
 
 
 def test_every_peer_does_the_same_work():

@@ -484,7 +484,7 @@ def test_the_trace_counts_every_stage_of_every_cycle(board: Any) -> None:
     with board.engine() as engine:
         run(engine, 30)
         trace = engine.trace()
-        assert list(trace) == [*STAGES, "cycle"]
+        assert list(trace) == [*STAGES, "cycle", "after"]
         assert {len(histogram) for histogram in trace.values()} == {30}
         assert len(engine.slowest()) == 16
         engine.reset_trace()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import os
 import sys
@@ -10,7 +11,9 @@ from contextlib import contextmanager
 
 from hostmot2.host_facts import facts
 
-__all__ = ["facts", "quiet"]
+__all__ = ["engine_priority", "facts", "measuring", "other", "pin", "placement", "quiet", "unlock_memory"]
+
+ENGINE_PRIORITY = 60
 
 
 @contextmanager
@@ -42,3 +45,38 @@ def _enter_fifo(priority: int) -> tuple[bool, str]:
     except PermissionError:
         return False, "normal scheduler (SCHED_FIFO not permitted: expect two to three times the noise)"
     return True, f"SCHED_FIFO {priority}"
+
+
+def engine_priority() -> int:
+    """SCHED_FIFO priority for the threads that are measured; 0 where the system does not permit it."""
+    real_time = sys.platform == "linux" and os.sched_getscheduler(0) == os.SCHED_FIFO
+    return ENGINE_PRIORITY if real_time else 0
+
+
+def measuring() -> int:
+    """The processor for what is measured: the last."""
+    return max(os.sched_getaffinity(0))
+
+
+def other() -> int:
+    """The processor for everything else: the first, which may be the only one."""
+    return min(os.sched_getaffinity(0))
+
+
+def pin(cpu: int, priority: int) -> None:
+    """This thread onto one processor, SCHED_FIFO with a priority or, with 0, as any other."""
+    os.sched_setaffinity(0, {cpu})
+    policy = os.SCHED_FIFO if priority else os.SCHED_OTHER
+    os.sched_setscheduler(0, policy, os.sched_param(priority))
+
+
+def placement() -> str:
+    """In words."""
+    policy = f"SCHED_FIFO {priority}" if (priority := engine_priority()) else "the normal scheduler"
+    alone = "" if measuring() != other() else ", the only one: everything else runs there, too"
+    return f"the engine's thread and the bare loop run under {policy} on processor {measuring()}{alone}"
+
+
+def unlock_memory() -> None:
+    """Undo the mlockall of an engine in real time, which holds for the whole process."""
+    ctypes.CDLL(None).munlockall()

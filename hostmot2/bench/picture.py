@@ -1,41 +1,112 @@
-"""Histograms as a picture."""
+"""Histograms as a picture: how times are distributed, and how heavy their tail is."""
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from hostmot2.bench.report import Report
-from hostmot2.histogram import Histogram
+
+Buckets = tuple[Any, Any, Any]
+"""Starts and widths in ns, counts."""
+
+PERCENTS = (50.0, 99.0, 99.9)
 
 
-def draw(reports: list[Report], target: Path) -> None:
-    """Every histogram of the reports, one above the other. ValueError: there is none.
+def draw(
+    reports: Sequence[Report],
+    target: Path,
+    facts: Mapping[str, str] | None = None,
+    before: Mapping[str, Any] | None = None,
+) -> None:
+    """A row per benchmark: left its distributions, right the part of cycles that took longer (log-log).
 
-    Raises ImportError with advice if matplotlib is missing (`pip install hostmot2[plot]`).
+    facts stand below. before: the document of an earlier run, whose lines are dashed. ValueError: no
+    benchmark has a histogram. ImportError with advice if matplotlib is missing.
     """
-    histograms = {
-        f"{each.name}: {name}": h for each in reports for name, h in each.histograms.items() if len(h)
-    }
-    if not histograms:
+    shown = [report for report in reports if any(len(h) for h in report.histograms.values())]
+    if not shown:
         raise ValueError("these benchmarks have no histogram to draw")
-    draw_histograms(histograms, target)
+    figure = new_figure((13, 1.2 + 4.2 * len(shown)))
+    rows = figure.subplots(len(shown), 2, squeeze=False)
+    for row, report in zip(rows, shown, strict=True):
+        lines = {name: h.buckets() for name, h in report.histograms.items() if len(h)}
+        _draw_row(row, report.name, lines, _old_lines(before, report.name))
+    if facts:
+        figure.supxlabel("\n".join(textwrap.wrap(words(facts), 170)), fontsize="small")
+    figure.savefig(target, dpi=110)
 
 
-def draw_histograms(histograms: dict[str, Histogram], target: Path) -> None:
-    """Draw histograms that are not empty, with their percentiles, into a picture file."""
+def new_figure(size: tuple[float, float]) -> Any:
+    """An empty figure of matplotlib. ImportError with advice."""
     try:
         figures = import_module("matplotlib.figure")
     except ImportError as problem:
         raise ImportError("pictures need matplotlib: pip install 'hostmot2[plot]'") from problem
-    figure = figures.Figure(figsize=(9, 1 + 3 * len(histograms)), layout="constrained")
-    axes = figure.subplots(len(histograms), squeeze=False)[:, 0]
-    for axis, (name, histogram) in zip(axes, histograms.items(), strict=True):
-        start, width, count = histogram.buckets()
-        axis.bar(start / 1000, count, width / 1000, align="edge", color="tab:blue")
-        axis.set(title=name, xlabel="microseconds", ylabel="cycles", xscale="log", yscale="log")
-        for percent in (50.0, 99.0, 99.9):
-            value = histogram.percentile(percent) / 1000
-            axis.axvline(value, color="black", linewidth=0.8, linestyle="--")
-            axis.annotate(f"p{percent:g}\n{value:.2f}", (value, 1), (2, 4), textcoords="offset points")
-    figure.savefig(target)
+    return figures.Figure(figsize=size, layout="constrained")
+
+
+def words(facts: Mapping[str, str]) -> str:
+    """Facts about the machine in a line."""
+    return ", ".join(f"{key} {value}" for key, value in facts.items() if value != "not installed")
+
+
+def _old_lines(before: Mapping[str, Any] | None, name: str) -> dict[str, Buckets]:
+    if before is None:
+        return {}
+    histograms = [each["histograms"] for each in before["reports"] if each["name"] == name]
+    found = {key: one["buckets"] for each in histograms for key, one in each.items() if one.get("buckets")}
+    return {key: (start, width, count) for key, (start, width, count) in found.items() if start}
+
+
+def _draw_row(
+    row: Sequence[Any], name: str, lines: Mapping[str, Buckets], old: Mapping[str, Buckets]
+) -> None:
+    spread, tail = row
+    names = list(dict.fromkeys([*lines, *old]))
+    for runs, style, mark in ((lines, "-", ""), (old, "--", "before: ")):
+        for key, buckets in runs.items():
+            color = f"C{names.index(key) % 10}"
+            x, density = distribution(buckets)
+            spread.step(x, density, style, where="post", color=color, linewidth=1)
+            label = f"{mark}{key}\n{_percentiles(buckets)}"
+            tail.step(*tail_of(buckets), style, where="post", color=color, label=label)
+    spread.set(title=f"{name}: distribution", xlabel="us", ylabel="part of all per tenth of an octave")
+    tail.set(title=f"{name}: part that took longer", xlabel="us", ylabel="part of all")
+    for axis in row:
+        axis.set(xscale="log", yscale="log")
+        for kind in (axis.xaxis.set_major_formatter, axis.xaxis.set_minor_formatter):
+            kind(import_module("matplotlib.ticker").LogFormatter(minor_thresholds=(1.5, 0.5)))
+        axis.grid(visible=True, which="both", alpha=0.2)
+    tail.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="x-small", frameon=False)
+
+
+def distribution(buckets: Buckets) -> tuple[Any, Any]:
+    """Times in us and the part of all in each tenth of an octave, from there to the next time."""
+    start, width, count = (np.asarray(part, float) for part in buckets)
+    octaves = np.log2(np.maximum(start + width / 2, 1)) * 10
+    first = int(np.floor(octaves[0]))
+    parts = np.bincount((octaves - first).astype(int), count) / count.sum()
+    parts = np.append(parts, 0.0)
+    return 2 ** ((first + np.arange(len(parts))) / 10) / 1000, np.where(parts > 0, parts, np.nan)
+
+
+def tail_of(buckets: Buckets) -> tuple[Any, Any]:
+    """Times in us and the part of all that took longer, down to the longest of all."""
+    start, width, count = (np.asarray(part, float) for part in buckets)
+    longer = 1 - np.cumsum(count[:-1]) / count.sum()
+    times = np.maximum(np.append(start[0], start + width), 1) / 1000
+    return times, np.concatenate(([1.0], longer, longer[-1:] if len(longer) else [1.0]))
+
+
+def _percentiles(buckets: Buckets) -> str:
+    start, width, count = (np.asarray(part, float) for part in buckets)
+    seen = np.cumsum(count) / count.sum() * 100
+    at = [min(int(np.searchsorted(seen, percent)), len(start) - 1) for percent in PERCENTS]
+    cells = [f"p{percent:g} {(start + width)[i] / 1000:.3g}" for percent, i in zip(PERCENTS, at, strict=True)]
+    return ", ".join([*cells, f"max {(start + width)[-1] / 1000:.3g} us"])

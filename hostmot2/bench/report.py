@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,21 +14,53 @@ from hostmot2.histogram import Histogram
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A figure to reach: `value` at least or at most `limit`."""
+    """A figure to reach: `value` at least or at most `limit`. why: what it is missed by, if it is."""
 
     text: str
     value: float
     limit: float
     at_least: bool = True
+    why: str = ""
 
     @property
     def met(self) -> bool:
         """Whether it was reached in this run."""
         return self.value >= self.limit if self.at_least else self.value <= self.limit
 
+    @property
+    def sign(self) -> str:
+        """How the value has to stand to the limit."""
+        return ">=" if self.at_least else "<="
+
+    @property
+    def of_limit(self) -> float | None:
+        """How much of what is allowed was used: up to 1 is met. None where the limit is 0."""
+        over, under = (self.limit, self.value) if self.at_least else (self.value, self.limit)
+        return over / under if under else None
+
     def __str__(self) -> str:
-        sign = ">=" if self.at_least else "<="
-        return f"{'met ' if self.met else 'MISS'}  {self.text}: {self.value:.2f} (goal {sign} {self.limit:g})"
+        verdict = "met " if self.met else "MISS"
+        return f"{verdict}  {self.text}: {self.value:.2f} (goal {self.sign} {self.limit:g})"
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Figures that are not compared: a name and a cell per column in each row; None: an empty cell."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Mapping[str, Sequence[float | None]]
+
+    def cells(self) -> list[list[str]]:
+        """The head and the rows as text."""
+        numbers = {name: ["" if x is None else f"{x:.4g}" for x in row] for name, row in self.rows.items()}
+        return [["", *self.columns], *([name, *row] for name, row in numbers.items())]
+
+    def __str__(self) -> str:
+        cells = self.cells()
+        widths = [max(len(row[i]) for row in cells) for i in range(len(cells[0]))]
+        lines = ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]) for row in cells]
+        return "\n".join([self.title, *(f"  {line.rstrip()}" for line in lines)])
 
 
 @dataclass(slots=True)
@@ -59,14 +91,19 @@ class Report:
     goals: list[Goal] = field(default_factory=list)
     histograms: dict[str, Histogram] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    """What could not be measured here, each with its reason."""
 
     def __str__(self) -> str:
         parts = [f"== {self.name} =="]
         parts += [str(section) for section in self.sections]
+        parts += [str(table) for table in self.tables]
         parts += [f"{name}\n  {histogram!r}" for name, histogram in self.histograms.items()]
         if self.goals:
             parts.append("goals\n" + "\n".join(f"  {goal}" for goal in self.goals))
         parts += [f"note: {note}" for note in self.notes]
+        parts += [f"**** LEFT OUT: {reason}" for reason in self.left_out]
         return "\n\n".join(parts)
 
     def figures(self) -> dict[str, float]:
@@ -88,18 +125,16 @@ class Report:
         return {
             "name": self.name,
             "figures_ns": self.figures(),
-            "goals": [
-                {
-                    "text": goal.text,
-                    "value": goal.value,
-                    "limit": goal.limit,
-                    "at_least": goal.at_least,
-                    "met": goal.met,
-                }
-                for goal in self.goals
+            "goals": [{**asdict(goal), "met": goal.met} for goal in self.goals],
+            "histograms": {
+                name: {**histogram.summary(), "buckets": [part.tolist() for part in histogram.buckets()]}
+                for name, histogram in self.histograms.items()
+            },
+            "tables": [
+                {"title": t.title, "columns": list(t.columns), "rows": dict(t.rows)} for t in self.tables
             ],
-            "histograms": {name: histogram.summary() for name, histogram in self.histograms.items()},
             "notes": self.notes,
+            "left_out": self.left_out,
         }
 
 
@@ -108,16 +143,41 @@ def document(reports: list[Report], host: dict[str, str], scheduling: str) -> di
     return {"host": host, "scheduling": scheduling, "reports": [report.as_json() for report in reports]}
 
 
-def compare(reports: list[Report], old: Path) -> str:
-    """Every figure that an earlier run has too, as new / old. ValueError: not a document of this kind."""
+def goals_table(reports: Sequence[Report]) -> str:
+    """Every goal of a run in one table, and below it what was missed and left out."""
+    goals = [(report.name, goal) for report in reports for goal in report.goals]
+    width = max((len(goal.text) for _, goal in goals), default=0)
+    lines = [f"{'':8} {'':6} {'goal':{width}} {'value':>10}    {'limit':>8} {'of limit':>8}"]
+    for name, goal in goals:
+        verdict = "met" if goal.met else "MISSED"
+        used = f"{goal.of_limit:8.2f}" if goal.of_limit is not None else ""
+        row = (
+            f"{name:8} {verdict:6} {goal.text:{width}} {goal.value:10.3f} {goal.sign} {goal.limit:8g} {used}"
+        )
+        lines.append(row.rstrip())
+    lines += [f"missed: {goal.text}: {goal.why}" for _, goal in goals if not goal.met and goal.why]
+    lines += [f"**** LEFT OUT: {reason}" for report in reports for reason in report.left_out]
+    met = sum(goal.met for _, goal in goals)
+    return "\n".join([*lines, f"{met} of {len(goals)} goals met"])
+
+
+def earlier(old: Path) -> dict[str, Any]:
+    """The document of an earlier run. ValueError: the file is none."""
     try:
-        earlier = json.loads(old.read_text())
-        before = {key: value for each in earlier["reports"] for key, value in each["figures_ns"].items()}
-    except (json.JSONDecodeError, KeyError, TypeError) as problem:
+        found = json.loads(old.read_text())
+        for report in found["reports"]:
+            report["figures_ns"].items(), report["histograms"].items()
+    except (json.JSONDecodeError, KeyError, TypeError, AttributeError) as problem:
         raise ValueError(f"{old} is not a result of this benchmark: {problem}") from problem
-    lines = [f"new / old ({old}, {earlier.get('host', {}).get('date', 'no date')})"]
+    return dict(found)
+
+
+def compare(reports: Sequence[Report], before: Mapping[str, Any]) -> str:
+    """Every figure that an earlier run has, too, as new / old."""
+    figures = {key: value for each in before["reports"] for key, value in each["figures_ns"].items()}
+    lines = [f"new / old (of {before.get('host', {}).get('date', 'no date')})"]
     for report in reports:
         for key, value in report.figures().items():
-            if before.get(key):
-                lines.append(f"  {value / before[key]:6.2f}  {key}")
+            if figures.get(key):
+                lines.append(f"  {value / figures[key]:6.2f}  {key}")
     return "\n".join(lines)

@@ -442,9 +442,11 @@ class Engine:
             self._events.extend(event_of(event) for event in buffer[0:count])
 
     def trace(self) -> dict[str, Histogram]:
-        """How long each stage of STAGES took ("wake": how late it began), and "cycle": all of them."""
+        """How long each stage of STAGES took ("wake": how late it began), "cycle": all of them, "after": what
+        followed, which is the trace, the record and the publishing of the values.
+        """
         result = {}
-        for number, name in enumerate((*STAGES, "cycle")):
+        for number, name in enumerate((*STAGES, "cycle", "after")):
             result[name] = Histogram()
             if self.handle:
                 lib.hm2_engine_get_histogram(self.handle, number, result[name].core)
