@@ -5,7 +5,7 @@ CORE    := $(shell find csrc -name '*.c' -o -name '*.h') hostmot2/_bound.c hostm
 EXT     := hostmot2/_core.abi3.so
 FUZZ_SECONDS ?= 60
 
-.PHONY: all demo test check bench interop docs fuzz registers clean
+.PHONY: all demo test check bench interop docs fuzz mutants coverage registers clean
 all: $(EXT)
 
 $(VENV)/ready: pyproject.toml tools/venv
@@ -43,9 +43,19 @@ docs: $(EXT) $(VENV)/ready-dev
 interop: $(EXT)
 	@tools/interop $(PY)
 
-# longer than in make check; finds go to build/c/fuzz
+# longer than in make check; finds go to build/c/fuzz and build/fuzz
 fuzz: $(EXT)
 	@$(MAKE) --no-print-directory -f tests/c/Makefile fuzz SECONDS_EACH=$(FUZZ_SECONDS)
+	@$(PY) -c 'import atheris' 2>/dev/null || $(PY) -m pip install -q --group fuzz
+	@$(PY) tests/fuzz/run.py --all $(FUZZ_SECONDS)
+
+# realistic mistakes, one at a time in a copy of the tree; the tests must notice each; an hour and more
+mutants: $(EXT)
+	@$(PY) tools/mutants.py && $(PY) tools/mutants.py --report
+
+# lines of Python and branches of C that the tests do not reach; writes docs/reference/coverage.md
+coverage: $(EXT) $(VENV)/ready-dev
+	@$(PY) tools/coverage_report.py
 
 # after a change in registers/*.rdl
 registers: $(VENV)/ready-dev

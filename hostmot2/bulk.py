@@ -23,6 +23,7 @@ Columns = dict[str, npt.NDArray[Any]]
 Records = npt.NDArray[np.uint32] | bytes | bytearray | memoryview
 
 _SCALED = (FieldKind.UNSIGNED, FieldKind.SIGNED, FieldKind.FLOAT)
+_INVERTIBLE = (FieldKind.BITS, FieldKind.STREAM, FieldKind.BOOLEAN)
 _TYPES: dict[Any, int] = {
     np.dtype(np.float64): lib.HM2_COLUMN_F64,
     np.dtype(np.float32): lib.HM2_COLUMN_F32,
@@ -133,7 +134,7 @@ def _finish(sources: Sequence[Source], columns: Columns) -> Columns:
         field, scaling = source.element.field, source.scaling
         if field.kind in COUNTERS:
             result[source.key] = _positions(source, sources, columns)
-        elif source.element.direction is Direction.OUTPUT and scaling.invert:
+        elif source.element.direction is Direction.OUTPUT and scaling.invert and field.kind in _INVERTIBLE:
             result[source.key] ^= np.array(scaling.invert, result[source.key].dtype)
     return result
 

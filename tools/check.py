@@ -20,10 +20,13 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
+import prove
+
 ROOT = Path(__file__).resolve().parent.parent
 BUILD = ROOT / "build"
 PYTHON = sys.executable
 FUZZ_SECONDS = 10
+FUZZ_PYTHON_SECONDS = 5
 MAKE = ("make", "--no-print-directory", "-j2", "-f", "tests/c/Makefile")
 SANITIZE = "-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer -g"
 SANITIZER_REPORT = re.compile(r"^.*(runtime error:|ERROR: \w+Sanitizer)(.*\n){0,12}", re.MULTILINE)
@@ -177,6 +180,35 @@ def fuzz() -> str:
 
 
 @step
+def proof() -> str:
+    """Packing, scaling and the LBP16 codec hold for all inputs within bounds, says a model checker."""
+    try:
+        prove.esbmc()
+    except prove.NoModelChecker as reason:
+        raise Skipped(str(reason)) from None
+    output = run(PYTHON, "tools/prove.py")
+    return f"{len(output.splitlines())} proofs by ESBMC"
+
+
+@step
+def mutant_list() -> str:
+    """Every mistake of tools/mutants.toml can still be made."""
+    return f"{len(run(PYTHON, 'tools/mutants.py', '--list').splitlines())} mistakes"
+
+
+@step
+def fuzz_python() -> str:
+    """Every target of tests/fuzz under atheris, briefly."""
+    if subprocess.run([PYTHON, "-c", "import atheris"], capture_output=True, check=False).returncode:
+        command = [PYTHON, "-m", "pip", "install", "-q", "--group", f"{ROOT}/pyproject.toml:fuzz"]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise Skipped(f"atheris cannot be installed for this Python: {done.stderr.strip()[-300:]}")
+    output = run(PYTHON, "tests/fuzz/run.py", "--all", str(FUZZ_PYTHON_SECONDS))
+    return f"{FUZZ_PYTHON_SECONDS} s each: " + ", ".join(output.splitlines())
+
+
+@step
 def c_units() -> str:
     """The C unit tests under sanitizers."""
     return last_line(run(PYTHON, "-m", "pytest", "-q", "tests/test_c_units.py"))
@@ -267,7 +299,7 @@ def types() -> str:
     run(PYTHON, "-m", "mypy", "--strict", "registers/generate.py")
     for generator in sorted(ROOT.glob("docs/generate_*.py")):
         run(PYTHON, "-m", "mypy", "--strict", str(generator))
-    run(PYTHON, "-m", "mypy", "--strict", "tools/check.py", "tools/sizes.py", "tools/packages.py")
+    run(PYTHON, "-m", "mypy", "--strict", *sorted(map(str, (ROOT / "tools").glob("*.py"))))
     return last_line(run(PYTHON, "-m", "mypy"))
 
 

@@ -9,7 +9,6 @@ import argparse
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 from scratch import ROOT, copy_tree
 
@@ -31,7 +30,7 @@ source =
 
 
 def build() -> None:
-    """The tree with extensions that count their branches; not optimized, so that each branch is one of the source."""
+    """The tree with extensions that count their branches; not optimized: each is a branch of the source."""
     copy_tree(TREE)
     for name in ("csrc/build_ffi.py", "setup.py"):
         file = TREE / name

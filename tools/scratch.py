@@ -10,7 +10,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def copy_tree(place: Path) -> None:
-    """Copies what git knows, as it stands in the work tree; what is already the same there stays untouched."""
+    """Copies what git knows, as it stands in the work tree; what is the same there stays untouched."""
     names = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True)
     for name in filter(None, names.stdout.split("\0")):
         source, target = ROOT / name, place / name

@@ -102,10 +102,10 @@ class _Record:
         """Blocks written before, 0 if that was another file."""
         try:
             found = json.loads(self._path.read_text())
-        except (OSError, ValueError):
+            done = found.pop("done")
+        except (OSError, ValueError, AttributeError, KeyError, TypeError):
             return 0
-        done = found.pop("done", 0)
-        return int(done) if found == self._facts else 0
+        return done if found == self._facts and isinstance(done, int) else 0
 
     def keep(self, done: int) -> None:
         """So many blocks are written. Without a place to write this, a resumed update begins anew."""

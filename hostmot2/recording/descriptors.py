@@ -16,7 +16,7 @@ from hostmot2.fields import Direction, Field, FieldKind
 from hostmot2.layout import Element, Layout
 from hostmot2.process_data import ProcessData
 from hostmot2.recording.errors import BrokenRecording
-from hostmot2.registers import Sserial
+from hostmot2.registers import Gtag, Sserial
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
@@ -94,7 +94,7 @@ def describe(board: Board) -> bytes:
     return msgspec.json.encode(DescriptorsText(board.idrom.board_name, board.url, ports))
 
 
-_SSERIAL = (0xC1, 0xC2)
+_SSERIAL = (Gtag.SSERIAL, Gtag.SSERIAL_B)
 
 
 def _ports(board: Board) -> list[PortText]:
@@ -207,6 +207,9 @@ def _check(channel: ChannelText) -> None:
     layout = Layout(fields_of(channel))
     if layout.words > WORDS or not len(channel.registers) <= WORDS:
         raise ValueError(f"channel {channel.channel} has more than {WORDS} registers")
+    for field in channel.fields:
+        if not all(0 <= mask < 1 << field.bits for mask in (field.input_invert, field.output_invert)):
+            raise ValueError(f"{field.name} has {field.bits} bits, its inversion does not fit")
 
 
 def _decode(port: PortText, channel: ChannelText, source: Words, direction: Direction) -> Columns:

@@ -168,7 +168,10 @@ def _dtype(text: RecordsText) -> np.dtype[Any]:
     if missing:
         raise BrokenRecording(f"the records have no {', '.join(sorted(missing))}")
     offsets = [field.offset for field in text.fields]
-    dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": text.size})
+    try:
+        dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": text.size})
+    except ValueError as problem:  # a vector of no places that lies outside
+        raise BrokenRecording(f"the records cannot be laid out: {problem}") from problem
     for name, form in _FORMS.items():
         if dtype[name].base.str != form:
             raise BrokenRecording(f"field {name!r} of the records is {dtype[name].base.str}, not {form}")

@@ -97,7 +97,14 @@ def read(path: Path) -> Backup:
             dict(document.get("nonvolatile", {})),
             dict(document.get("working", {})),
         )
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, KeyError, TypeError, ValueError) as broken:
+    except (
+        tomllib.TOMLDecodeError,
+        UnicodeDecodeError,
+        KeyError,
+        TypeError,
+        ValueError,
+        OverflowError,
+    ) as broken:
         raise WrongBackup(f"{path}: no backup of a remote: {broken}") from broken
     for name, value in backup.values.items():
         if isinstance(value, bool) or not isinstance(value, int | float):

@@ -13,6 +13,7 @@ struct mailbox {
 	uint32_t words[HM2_ADDRESS_SPACE / 4];
 	int64_t now_ns;
 	uint32_t commands[COMMANDS]; /* as written, the first ones */
+	uint64_t zeroed; /* to which registers 0 was written: bit 8 * (register - CS) + channel */
 	size_t count;
 	int (*completes)(struct mailbox *mailbox, uint32_t command);
 	int fail_next; /* this many exchanges fail */
@@ -23,6 +24,8 @@ struct mailbox {
 
 static void mailbox_write(struct mailbox *mailbox, uint32_t address, uint32_t word)
 {
+	if (address >= CS && word == 0)
+		mailbox->zeroed |= (uint64_t)1 << ((address - CS) / 0x100 * 8 + (address - CS) % 0x100 / 4) % 64;
 	if (address != COMMAND) {
 		if (address < CS) /* what is written to CS and interface data is not what is read there */
 			mailbox->words[address / 4] = word;

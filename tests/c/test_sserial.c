@@ -249,8 +249,34 @@ static void test_arguments_outside_their_range(void)
 	mailbox_free(&box);
 }
 
+static void test_a_doit_names_the_channels_that_were_asked_for(void)
+{
+	static const uint32_t expected[] = {0x1002, 0x1004, 0x1007};
+	start(7);
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 2, &box.error), 0);
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 4, &box.error), 0);
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 0x0F, &box.error), 8); /* one that does not run has failed */
+	check_commands(expected, 3);
+	mailbox_free(&box);
+}
+
+/* What a channel was sent in its last life must not go out with the first exchange of the next. */
+static void test_interface_data_is_zeroed_before_a_start(void)
+{
+	mailbox_open(&box);
+	box.zeroed = 0;
+	CHECK_EQUAL(hm2_sserial_start(box.port, 2, HM2_SSERIAL_NORMAL, &box.error), 0);
+	for (int reg = 1; reg <= 3; reg++) {
+		CHECK(box.zeroed >> (8 * reg + 1) & 1);
+		CHECK(!(box.zeroed >> (8 * reg) & 1)); /* channel 0 was not named */
+	}
+	mailbox_free(&box);
+}
+
 int main(void)
 {
+	test_a_doit_names_the_channels_that_were_asked_for();
+	test_interface_data_is_zeroed_before_a_start();
 	test_a_hung_doit_is_aborted_and_everything_stopped();
 	test_where_stopping_does_not_help_the_processor_is_reset();
 	test_a_dead_processor_is_said_to_be_dead();

@@ -55,6 +55,16 @@ def test_after_start_everything_is_off(card: Any, emulated: EmulatedBoard) -> No
     assert (card.analog_enable, card.spindle_enable) == (False, False)
 
 
+@pytest.mark.parametrize("enable", ["analog_enable", "spindle_enable"])
+def test_drives_are_enabled_only_with_the_watchdog_armed(card: Any, enable: str) -> None:
+    card.board.cycle.automatic_watchdog = False
+    card.start()
+    card.board.cycle.automatic_watchdog = True
+    assert not card.board.watchdog.armed
+    setattr(card, enable, True)
+    assert card.board.watchdog.armed
+
+
 def test_volts_enables_and_outputs_arrive_at_the_remotes(card: Any, emulated: EmulatedBoard) -> None:
     card.start()
     for axis, volts in enumerate((1.0, -2.0, 10.0, -10.0, 0.5, 12.0)):

@@ -22,6 +22,7 @@ static hm2_lbp16_command any_command(void)
 }
 
 /* Decoding any word and encoding the result gives the word again. */
+/* proof: --overflow-check --ub-shift-check */
 void prove_words_round_trip(void)
 {
 	const uint16_t word = nondet_uint16();
@@ -35,6 +36,7 @@ void prove_words_round_trip(void)
 }
 
 /* Any bytes read as a packet: never beyond them, always forward, data inside, nothing taken that is not whole. */
+/* proof: --overflow-check --ub-shift-check */
 void prove_next_stays_inside(void)
 {
 	size_t length;
@@ -57,6 +59,7 @@ void prove_next_stays_inside(void)
 }
 
 /* Any packet: the walk ends, and the reply is no longer than 127 elements of 8 bytes for each command. */
+/* proof: --overflow-check --ub-shift-check */
 void prove_reply_size_ends(void)
 {
 	size_t length;
@@ -69,6 +72,7 @@ void prove_reply_size_ends(void)
 
 /* Any command put behind anything: written whole where there is room, refused and nothing written where not;
  * and what was written reads back as the same command. */
+/* proof: --overflow-check --ub-shift-check */
 void prove_put_and_next_agree(void)
 {
 	uint8_t packet[PACKET];
