@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hostmot2.sserial import SserialPort
 
 WORDS = 7  # interface registers of a channel, at most
+CHANNELS = 8  # of a port, at most
 
 
 class Words(Protocol):
@@ -207,6 +208,9 @@ def _check(channel: ChannelText) -> None:
     layout = Layout(fields_of(channel))
     if layout.words > WORDS or not len(channel.registers) <= WORDS:
         raise ValueError(f"channel {channel.channel} has more than {WORDS} registers")
+    addresses = (channel.status_register, *channel.registers)
+    if channel.channel not in range(CHANNELS) or not all(0 <= at < 0x10000 for at in addresses):
+        raise ValueError(f"channel {channel.channel} at registers {addresses}")
     for field in channel.fields:
         if not all(0 <= mask < 1 << field.bits for mask in (field.input_invert, field.output_invert)):
             raise ValueError(f"{field.name} has {field.bits} bits, its inversion does not fit")

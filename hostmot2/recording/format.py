@@ -158,27 +158,25 @@ def _dtype(text: RecordsText) -> np.dtype[Any]:
     for field in text.fields:
         if field.type not in _TYPES or field.count < 0 or field.offset < 0:
             raise BrokenRecording(f"field {field.name!r} of the records cannot be")
-        size = int(field.type[-1]) * max(field.count, 1)
-        if field.offset + size > text.size and not (field.count == 0 and field.name in _VECTORS):
-            raise BrokenRecording(f"field {field.name!r} lies outside the records")
         vector = field.name in _VECTORS or field.count > 0
+        if field.offset + int(field.type[-1]) * (field.count if vector else 1) > text.size:
+            raise BrokenRecording(f"field {field.name!r} lies outside the records")
         formats.append((field.type, (field.count,)) if vector else field.type)
     names = [field.name for field in text.fields]
     missing = _NEEDED - set(names)
     if missing:
         raise BrokenRecording(f"the records have no {', '.join(sorted(missing))}")
     offsets = [field.offset for field in text.fields]
-    try:
-        dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": text.size})
-    except ValueError as problem:  # a vector of no places that lies outside
-        raise BrokenRecording(f"the records cannot be laid out: {problem}") from problem
+    dtype = np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": text.size})
     for name, form in _FORMS.items():
-        if dtype[name].base.str != form:
-            raise BrokenRecording(f"field {name!r} of the records is {dtype[name].base.str}, not {form}")
+        if dtype[name].base.str != form or bool(dtype[name].shape) != (name in _VECTORS):
+            raise BrokenRecording(f"field {name!r} of the records is {dtype[name]}, not {form}")
+    if dtype["stage_ns"].shape[0] < len(STAGES) or 32 * dtype["fresh"].shape[0] < dtype["words"].shape[0]:
+        raise BrokenRecording("the records have not all stages, or too few bits for what was moved")
     return dtype
 
 
-_VECTORS = ("words", "inputs", "outputs")
+_VECTORS = ("words", "inputs", "outputs", "stage_ns", "fresh")
 _FORMS = {
     "cycle": "<u8",
     "start_ns": "<i8",
