@@ -186,8 +186,7 @@ def proof() -> str:
         prove.esbmc()
     except prove.NoModelChecker as reason:
         raise Skipped(str(reason)) from None
-    output = run(PYTHON, "tools/prove.py")
-    return f"{len(output.splitlines())} proofs by ESBMC"
+    return f"{len(run(PYTHON, 'tools/prove.py').splitlines())} proofs by ESBMC"
 
 
 @step
@@ -200,10 +199,10 @@ def mutant_list() -> str:
 def fuzz_python() -> str:
     """Every target of tests/fuzz under atheris, briefly."""
     if subprocess.run([PYTHON, "-c", "import atheris"], capture_output=True, check=False).returncode:
-        command = [PYTHON, "-m", "pip", "install", "-q", "--group", f"{ROOT}/pyproject.toml:fuzz"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise Skipped(f"atheris cannot be installed for this Python: {done.stderr.strip()[-300:]}")
+        try:
+            run(PYTHON, "-m", "pip", "install", "-q", "--group", f"{ROOT}/pyproject.toml:fuzz")
+        except Failed as problem:
+            raise Skipped(f"atheris cannot be installed for this Python: {str(problem)[-300:]}") from None
     output = run(PYTHON, "tests/fuzz/run.py", "--all", str(FUZZ_PYTHON_SECONDS))
     return f"{FUZZ_PYTHON_SECONDS} s each: " + ", ".join(output.splitlines())
 
