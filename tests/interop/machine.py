@@ -6,6 +6,7 @@ Everything happens in namespaces of its own: nothing of the machine's own networ
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import re
@@ -15,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -136,7 +137,7 @@ class Hal:
         self.home = Path(tempfile.mkdtemp(prefix="hm2-hal-"))
         shutil.chown(self.home, NOBODY)
         self.directory = directory
-        self._count = 0
+        self._numbers = itertools.count()
 
     def _as_nobody(self, *command: str) -> list[str]:
         return [
@@ -184,6 +185,12 @@ class Hal:
         )
         return done.returncode
 
+    def spawn(self, *command: str, output: Path) -> subprocess.Popen[bytes]:
+        """A program of LinuxCNC that goes on, its output in a file."""
+        inside = ["nsenter", f"--target={self._inside()}", "--ipc", "--net", *self._as_nobody(*command)]
+        with output.open("wb") as file:
+            return subprocess.Popen(inside, stdin=subprocess.DEVNULL, stdout=file, stderr=subprocess.STDOUT)
+
     def said(self) -> str:
         """What LinuxCNC has printed; its own messages come when it ends."""
         return "".join(path.read_text(errors="replace") for path in sorted(self.directory.glob("*.log")))
@@ -193,8 +200,7 @@ class Hal:
 
         Into a file: the first loadrt leaves rtapi_app behind, which would hold a pipe open.
         """
-        self._count += 1
-        path = self.directory / f"halcmd{self._count:06}.log"
+        path = self.directory / f"halcmd{next(self._numbers):06}.log"
         with path.open("w") as output:
             status = self._inside_run("halcmd", "-s", "-f", lines=lines, output=output)
         text = path.read_text(errors="replace")
@@ -249,41 +255,6 @@ def _number(text: str) -> float:
         return float(int(text, 16)) if text.startswith("0x") else float(text)
     except ValueError:
         return float("nan")
-
-
-_WATCH = """
-import os, sys, time
-os.sched_setaffinity(0, {int(sys.argv[1])})
-# only now: an interpreter that starts as a real-time process would itself be the stall
-os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(39))
-worst, until = 0.0, time.monotonic() + float(sys.argv[2])
-while (start := time.monotonic()) < until:
-    time.sleep(0.001)
-    worst = max(worst, time.monotonic() - start - 0.001)
-print(worst)
-"""
-
-
-@contextlib.contextmanager
-def stall_watch(seconds: float) -> Iterator[list[float]]:
-    """Measures how long the machine holds up a real-time process, on each processor; result at the end."""
-    watchers = [
-        subprocess.Popen(
-            [sys.executable, "-c", _WATCH, str(cpu), str(seconds)],
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        for cpu in sorted(os.sched_getaffinity(0))
-    ]
-    worst: list[float] = []
-    try:
-        yield worst
-    finally:
-        for watcher in watchers:
-            watcher.wait(seconds + 30)
-            assert watcher.stdout
-            worst.append(float(watcher.stdout.read() or "nan"))
-            watcher.stdout.close()
 
 
 def until(condition: Any, timeout: float = 2.0) -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -34,6 +36,10 @@ def test_readhmid_modules_are_those_we_report(card: ServedCard):
     assert number(text, "FPGA Size") == info["fpga_size"]
     assert number(text, "Number of IO Ports") == info["io_ports"]
     assert number(text, "Width of one I/O port") == info["port_width"]
+    assert number(text, "FPGA Pins") == info["fpga_pins"]
+    assert number(text, "IDROM Type") == info["type"]
+    assert [number(text, f"Instance Stride {n}") for n in (0, 1)] == info["instance_strides"]
+    assert [number(text, f"Register Stride {n}") for n in (0, 1)] == info["register_strides"]
     assert float(re.search(r"Clock Low frequency: ([\d.]+)", text)[1]) * 1e6 == info["clock_low"]
     assert float(re.search(r"Clock High frequency: ([\d.]+)", text)[1]) * 1e6 == info["clock_high"]
     theirs = [
@@ -44,6 +50,7 @@ def test_readhmid_modules_are_those_we_report(card: ServedCard):
             number(block, "BaseAddress", 16),
             number(block, "Register Stride"),
             number(block, "Instance Stride"),
+            float(re.search(r"ClockFrequency: ([\d.]+)", block)[1]) * 1e6,
         )
         for block in blocks(text.split("Configuration pin-out")[0], r" +Module: ")
     ]
@@ -55,10 +62,48 @@ def test_readhmid_modules_are_those_we_report(card: ServedCard):
             module["base"],
             module["register_stride"],
             module["instance_stride"],
+            module["clock"],
         )
         for module in modules
     ]
     assert theirs == ours
+
+
+# mesaflash's names of functions, and ours
+FUNCTIONS = {
+    "TXEn": "tx_enable ",
+    "TXData": "tx ",
+    "RXData": "rx ",
+    "MuxSel": "select_",
+    "MuxQ-A": "a",
+    "MuxQ-B": "b",
+    "MuxQ-IDX": "index",
+}
+
+
+def test_readhmid_connectors_are_those_we_report(card: ServedCard):
+    """Connector, its pin, the I/O number, module, channel, function and direction of every pin."""
+    theirs, connector = [], ""
+    for line in card.mesaflash("--readhmid").split("Configuration pin-out")[1].splitlines():
+        words = line.split()
+        if line.startswith("IO Connections for"):
+            connector = words[-1]
+        elif len(words) >= 4 and words[2] == "IOPort":
+            theirs.append((connector, int(words[0]), int(words[1]), *words[3:]))
+    ours = []
+    for pin in card.hm2("pins"):
+        place = (pin["connector"], pin["connector_pin"], pin["index"])
+        if not pin["module"] or not pin["secondary_gtag"]:
+            ours.append((*place, "None"))
+            continue
+        names = [theirs for theirs, mine in FUNCTIONS.items() if pin["function"].startswith(mine)]
+        number = pin["function"].removeprefix(FUNCTIONS[names[0]])
+        unit = str(pin["secondary_unit"] & 0x7F)
+        module = {"sserial": "SSerial", "muxed_encoder": "MuxedQCount"}.get(pin["module"], "MuxedQCountSel")
+        direction = "(Out)" if pin["is_output"] else "(In)"
+        ours.append((*place, module, unit, names[0] + number, direction))
+    assert theirs == ours
+    assert len(ours) == 34
 
 
 def test_print_pd_pins_are_those_we_report(card: ServedCard):
@@ -126,9 +171,34 @@ def test_sserial_finds_the_remotes_we_find(card: ServedCard):
     assert theirs == ours
     assert len(theirs) == 2
     for block in blocks(text, r" +sserial device"):
-        assert "NVBaudRate = 2.5Mb" in block
-        assert "NVWatchDogTimeout = " in block
-        assert "SOFTWARE MODE" in block
+        channel = number(block, "channel")
+        ours = {
+            parameter["name"]: parameter["value"]
+            for parameter in card.hm2("param", "list", f"0.{channel}")["parameters"]
+        }
+        assert BAUD_RATES[re.search(r"NVBaudRate = (\S+)", block)[1]] == ours["NVBaudRate"]
+        assert number(block, "NVUnitNumber =", 16) == ours["NVUnitNumber"]
+        assert number(block, "NVWatchDogTimeout =") == ours["NVWatchDogTimeout"]
+    assert re.findall(r"SOFTWARE MODE (\S+) \[index (\d+)\]", text) == [
+        (name, f"{index:02}") for name, index in our_modes(card)
+    ]
+
+
+BAUD_RATES = {"2.5Mb": 9}
+
+OUR_MODES = """
+import json, sys, hostmot2
+with hostmot2.open(sys.argv[1]) as board:
+    board.sserial[0].scan()
+    channels = [channel for channel in board.sserial[0].channels if channel.description]
+    print(json.dumps([[mode.name, mode.index] for channel in channels for mode in channel.modes]))
+"""
+
+
+def our_modes(card: ServedCard) -> list[tuple[str, int]]:
+    """Software modes of all remotes, as our driver finds them."""
+    command = card.network.in_card(sys.executable, "-c", OUR_MODES, f"udp://{CARD_IP}")
+    return [(name, index) for name, index in json.loads(run(*command))]
 
 
 def test_flash_write_verify_backup(card: ServedCard, tmp_path: Path):

@@ -1,0 +1,222 @@
+"""A run of LinuxCNC looked at cycle by cycle, and the machine under it by an independent witness.
+
+LinuxCNC answers to the clock: when the machine stops one of its threads, or the card's, for longer than a
+reply may take, it reports an error, and is right. Each error is therefore held against what a witness saw
+that knows nothing of either: it must coincide with a stall of the machine, or the card is to blame.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import threading
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from types import TracebackType
+
+from machine import Hal, ServedCard, run
+
+SOURCE = Path(__file__).with_name("witness.c")
+PROBLEMS = ("packet-error-total", "sserial.port-0.fault-count", "watchdog.has_bit", "packet-error-exceeded")
+BITTEN = PROBLEMS.index("watchdog.has_bit")
+ENCODERS = 6
+PORT_STOPS = 200
+"""Failed smart serial cycles, weighted, after which LinuxCNC stops a port."""
+WATCHDOG = 0.025
+"""Seconds: above the stalls of a shared machine. Behind a bite the encoders' multiplexer has no select, and
+counts are lost."""
+BITE = WATCHDOG - 0.005
+"""Seconds: no shorter stall lets it bite."""
+BEFORE, AFTER = 0.003, 0.001
+"""Seconds: an error is reported up to so long after its stall began to matter, and known to so much."""
+
+
+@dataclass(frozen=True)
+class Stall:
+    """Seconds of CLOCK_MONOTONIC."""
+
+    start: float
+    end: float
+
+    @property
+    def seconds(self) -> float:
+        return self.end - self.start
+
+
+class Witness:
+    """Compiled and started on every processor; `stalls` when the block is over."""
+
+    def __init__(self, directory: Path) -> None:
+        self._program = directory / "witness"
+        self.stalls: list[Stall] = []
+
+    def __enter__(self) -> Witness:
+        run("cc", "-O2", "-D_GNU_SOURCE", "-o", str(self._program), str(SOURCE))
+        self._processes = [
+            subprocess.Popen([str(self._program), str(cpu)], stdout=subprocess.PIPE, text=True)
+            for cpu in sorted(os.sched_getaffinity(0))
+        ]
+        for process in self._processes:
+            assert process.stdout
+            assert process.stdout.readline() == "ready\n", "the witness needs SCHED_FIFO"
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        for process in self._processes:
+            process.send_signal(signal.SIGTERM)
+            out, _ = process.communicate(timeout=20)
+            rows = [line.split() for line in out.splitlines()]
+            self.stalls += [Stall(int(start) / 1e9, int(end) / 1e9) for start, end in rows]
+        self.stalls.sort(key=lambda stall: stall.start)
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """One cycle of LinuxCNC's thread."""
+
+    seconds: float
+    """Since the first one."""
+    problems: tuple[int, ...]
+    counts: tuple[int, ...]
+
+
+class Recorder:
+    """LinuxCNC's own sampler in the thread: what it reported and read in each cycle."""
+
+    def __init__(self, hal: Hal, card: str, served: ServedCard, directory: Path) -> None:
+        self._hal, self._card, self._served = hal, card, served
+        self._path = directory / "samples"
+        self._moments: list[tuple[float, int, float]] = []
+        self.recoveries = self.bites = 0
+        self._stopping = threading.Event()
+        self._watcher = threading.Thread(target=self._watch, daemon=True)
+
+    def load(self) -> None:
+        """Before the thread starts."""
+        kinds = "s" + "uubb" + "s" * ENCODERS
+        self._hal.halcmd("loadrt timedelta")
+        self._hal.halcmd(f"loadrt sampler depth=8000 cfg={kinds}")
+        sources = [
+            "timedelta.0.out",
+            *(f"{self._card}.{name}" for name in PROBLEMS),
+            *(f"{self._card}.encoder.0{n}.rawcounts" for n in range(ENCODERS)),
+        ]
+        for number, source in enumerate(sources):
+            self._hal.halcmd(f"net sample{number} {source} sampler.0.pin.{number}")
+        self._hal.halcmd("addf timedelta.0 servo", "addf sampler.0 servo")
+        self._process = self._hal.spawn("halsampler", "-t", output=self._path)
+        self._watcher.start()
+        self._requests, self._replies = (round(self._served.get(key)) for key in ("requests", "replies"))
+
+    def look(self) -> None:
+        """How many cycles the card has answered by now: ties LinuxCNC's time to the witness's."""
+        before = time.monotonic()
+        answered = round(self._served.get("replies")) - self._replies
+        self._moments.append((before, answered, time.monotonic()))
+
+    def _watch(self) -> None:
+        """Until the recorder stops: after an error that stops things, do what the manuals tell the user.
+
+        hm2_eth(9), hostmot2(9), sserial(9). At once, so that no 16-bit counter turns over unseen.
+        """
+        bitten, port = PROBLEMS.index("watchdog.has_bit") + 1, f"{self._card}.sserial.port-0"
+        while not self._stopping.wait(0.1):
+            pins = self._hal.pins(self._card)
+            stopped = pins[f"{self._card}.io_error"] or pins[f"{self._card}.watchdog.has_bit"]
+            if not stopped and pins[f"{port}.fault-count"] < PORT_STOPS:
+                continue
+            self.recoveries += 1
+            self.bites += round(pins[f"{self._card}.watchdog.has_bit"])
+            self._hal.halcmd(f"setp {self._card}.io_error 0", f"sets sample{bitten} 0", f"setp {port}.run 0")
+            time.sleep(0.05)
+            self._hal.halcmd(f"setp {port}.run 1")
+
+    def stop(self) -> tuple[int, int]:
+        """The thread has been stopped. Datagrams the card got and sent meanwhile."""
+        self._stopping.set()
+        self._watcher.join()
+        time.sleep(0.5)
+        self._process.terminate()
+        self._process.wait()
+        requests, replies = (round(self._served.get(key)) for key in ("requests", "replies"))
+        return requests - self._requests, replies - self._replies
+
+    def cycles(self) -> list[Cycle]:
+        """All of them, none missing."""
+        found, elapsed = [], 0.0
+        for number, line in enumerate(self._path.read_text().splitlines()):
+            words = [int(float(word)) for word in line.split()]
+            assert words[0] == number, f"the sampler lost cycles before {words[0]}"
+            elapsed += words[1] / 1e9 if number else 0.0
+            found.append(Cycle(elapsed, tuple(words[2:6]), tuple(words[6:])))
+        return found
+
+    def start_time(self, cycles: list[Cycle]) -> float:
+        """Of cycle 0, on the witness's clock. A look saw n cycles answered: the last was, the next not."""
+        latest = min(after - cycles[n - 1].seconds for _, n, after in self._moments if 0 < n <= len(cycles))
+        earliest = max(before - cycles[n].seconds for before, n, _ in self._moments if n < len(cycles))
+        assert latest - earliest > -0.001, "the clocks do not agree"
+        return (earliest + latest) / 2
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Errors by whether the machine explains them."""
+
+    cycles: int
+    explained_cycles: int
+    """Cycles with an error that a stall explains."""
+    unexplained: tuple[str, ...]
+    stalls: int
+    longest_ms: float
+
+
+def judge(cycles: list[Cycle], start: float, stalls: list[Stall]) -> Verdict:
+    """Each rise of a number by which LinuxCNC says that something went wrong."""
+    explained, unexplained = 0, []
+    for before, cycle in pairwise(cycles):
+        wrong = _rises(before, cycle)
+        if not wrong:
+            continue
+        least = BITE if cycle.problems[BITTEN] > before.problems[BITTEN] else 0.0
+        if any(_explains(stall, start + cycle.seconds) for stall in stalls if stall.seconds >= least):
+            explained += 1
+        else:
+            unexplained.append(f"{', '.join(wrong)} at {cycle.seconds:.3f} s")
+    longest = max((stall.seconds for stall in stalls), default=0.0)
+    return Verdict(len(cycles), explained, tuple(unexplained), len(stalls), round(longest * 1e3, 2))
+
+
+def _rises(before: Cycle, cycle: Cycle) -> list[str]:
+    """After a bite the remotes are cut off until the user clears it: what follows is its consequence."""
+    return [
+        f"{name} {old} -> {new}"
+        for name, old, new in zip(PROBLEMS, before.problems, cycle.problems, strict=True)
+        if new > old and not (name.startswith("sserial") and before.problems[BITTEN])
+    ]
+
+
+def _explains(stall: Stall, at: float) -> bool:
+    """Behind a stall LinuxCNC runs the cycles it missed back to back: they may fail for as long again."""
+    return stall.start - AFTER <= at <= stall.end + BEFORE + stall.seconds
+
+
+def counts_wrong(cycles: list[Cycle], rate: float) -> list[int]:
+    """Cycles that brought a count of encoder 0 which it did not have between the cycle before and this one.
+
+    It turns steadily from its first movement to its last. A cycle without a reply repeats the count before.
+    """
+    moves = [n for n in range(1, len(cycles)) if cycles[n].counts[0] != cycles[n - 1].counts[0]]
+    wrong: list[int] = []
+    for last, now in pairwise(moves[1:-1]):
+        moved = cycles[now].counts[0] - cycles[last].counts[0]
+        least = rate * (cycles[now - 1].seconds - cycles[last].seconds)
+        most = rate * (cycles[now].seconds - cycles[last - 1].seconds)
+        if not least - 2 <= moved <= most + 2:
+            wrong.append(now)
+    return wrong
