@@ -74,7 +74,7 @@ FUNCTIONS = {
     "TXEn": "tx_enable ",
     "TXData": "tx ",
     "RXData": "rx ",
-    "MuxSel": "select_",
+    "MuxSel": "select ",
     "MuxQ-A": "a",
     "MuxQ-B": "b",
     "MuxQ-IDX": "index",
@@ -96,7 +96,7 @@ def test_readhmid_connectors_are_those_we_report(card: ServedCard):
         if not pin["module"] or not pin["secondary_gtag"]:
             ours.append((*place, "None"))
             continue
-        names = [theirs for theirs, mine in FUNCTIONS.items() if pin["function"].startswith(mine)]
+        names = [name for name, mine in FUNCTIONS.items() if pin["function"].startswith(mine)]
         number = pin["function"].removeprefix(FUNCTIONS[names[0]])
         unit = str(pin["secondary_unit"] & 0x7F)
         module = {"sserial": "SSerial", "muxed_encoder": "MuxedQCount"}.get(pin["module"], "MuxedQCountSel")
