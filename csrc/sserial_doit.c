@@ -226,9 +226,10 @@ static int write_doit(struct hm2_sserial *port, int with_results, hm2_error *err
 	return status;
 }
 
+/* Counted from the answer to its write: a datagram that was lost and repeated starts it late. */
 int sserial_is_over(const struct hm2_sserial *port, int64_t now_ns)
 {
-	return now_ns - port->doit_ns >= LIMIT_DOIT_NS / MARGIN;
+	return now_ns - (port->busy_until_ns - port->busy_limit_ns) >= LIMIT_DOIT_NS / MARGIN;
 }
 
 static int check_running(struct hm2_sserial *port, uint32_t mask, const char *where, hm2_error *error)

@@ -81,3 +81,19 @@ def test_a_lost_datagram_of_a_doit_does_not_stop_the_port(relay):
             relay.remote.turnaround_us = 30.0  # the first look at a DOIT comes too early
             relay.lose = number
             assert [card.exchange().failed for _ in range(4)] == [0] * 4
+
+
+def test_the_cycle_after_a_repeated_doit_does_not_write_over_it(relay):
+    """COMMAND written while a DOIT is at work hides its result: DATA reads 0xFF then, all channels failed."""
+    with hostmot2.open(f"udp://127.0.0.1:{relay.port}?retry_ms=5") as hm2:
+        relay.remote.turnaround_us = 250.0  # a repeat's DOIT is still at work when the next cycle comes
+        port = hm2.sserial[0]
+        port.start(0x03)
+        port.doit(0x03)
+        port.cyclic = 0x03
+        hm2.cycle.automatic_watchdog = False
+        for _ in range(10):
+            relay.lose = 1
+            for _ in range(8):
+                hm2.cycle.run()
+                assert port.last_cycle.failed == 0
