@@ -1652,22 +1652,34 @@ int hm2_udp_floor_cycle_run(hm2_udp_floor_cycle *cycle);
 int hm2_udp_floor_cycles(hm2_udp_floor_cycle *cycle, uint32_t count, uint64_t *ns);
 
 /* Cycles at a fixed period: what was late, and where the time went. A cycle is late when its values are not
- * there one period after its start was due; it is counted at the stage that took longest. */
+ * there one period after its start was due; it belongs to the stage that took longest. */
 #define HM2_UDP_FLOOR_WAKE 0   /* the system let the thread run late */
 #define HM2_UDP_FLOOR_SEND 1
 #define HM2_UDP_FLOOR_ANSWER 2
 #define HM2_UDP_FLOOR_STAGES 3
 
+/* A late cycle: its number, the stage that took longest, and how long each took. */
+typedef struct hm2_udp_floor_late {
+	uint32_t cycle;
+	int32_t stage;
+	int64_t ns[3];
+} hm2_udp_floor_late;
+
 typedef struct hm2_udp_floor_timing {
 	uint64_t cycles;
-	uint64_t missed;                        /* no answer before the deadline */
-	uint64_t late[3];       
-	uint64_t longest_ns[3]; /* of any cycle */
-	uint64_t skipped;                       /* periods left out to catch up */
+	uint64_t lost;    /* no answer, however late */
+	uint64_t late;
+	uint64_t skipped; /* periods left out to catch up */
+	uint64_t recorded;
+	uint64_t capacity;            /* of lates */
+	hm2_udp_floor_late *lates;    /* the caller's: the first `recorded` late cycles */
 } hm2_udp_floor_timing;
 
+/* capacity and lates are set by the caller. A stage's duration in a late cycle is the time from the one before. */
 void hm2_udp_floor_periodic(hm2_udp_floor_cycle *cycle, int64_t period_ns, uint32_t count,
                             hm2_udp_floor_timing *timing);
+/* What timing nothing takes, as the other measurements time. */
+void hm2_udp_floor_nothing(uint32_t count, uint64_t *ns);
 
 /* ---- faults at counted steps (emulator/fault*.c) ------------------------------------------- */
 

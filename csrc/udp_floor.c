@@ -16,7 +16,7 @@
 #include <unistd.h>
 
 #define MAX_DATAGRAM 2048
-#define LOST_NS 100000000 /* a reply that has not come by then will not come */
+#define LOST_NS 1000000000 /* a reply that has not come by then will not come */
 #define EARLY_NS 60000    /* woken so much early, the rest is spent awake */
 
 struct hm2_udp_floor {
@@ -239,20 +239,21 @@ static void wait_until(int64_t due_ns)
 		;
 }
 
-static void account(hm2_udp_floor_timing *timing, const int64_t *at, int64_t period_ns)
+/* at[0] is when the cycle was due. Late: over by more than a period after that. */
+static void account(hm2_udp_floor_timing *timing, uint32_t cycle, const int64_t *at, int64_t period_ns)
 {
-	int longest = 0;
+	hm2_udp_floor_late late = {.cycle = cycle};
 
+	if (at[HM2_UDP_FLOOR_STAGES] - at[0] <= period_ns)
+		return;
+	timing->late++;
 	for (int stage = 0; stage < HM2_UDP_FLOOR_STAGES; stage++) {
-		const uint64_t spent = (uint64_t)(at[stage + 1] - at[stage]);
-
-		if (spent > timing->longest_ns[stage])
-			timing->longest_ns[stage] = spent;
-		if (at[stage + 1] - at[stage] > at[longest + 1] - at[longest])
-			longest = stage;
+		late.ns[stage] = at[stage + 1] - at[stage];
+		if (late.ns[stage] > late.ns[late.stage])
+			late.stage = stage;
 	}
-	if (at[HM2_UDP_FLOOR_STAGES] - at[0] > period_ns)
-		timing->late[longest]++;
+	if (timing->recorded < timing->capacity)
+		timing->lates[timing->recorded++] = late;
 }
 
 void hm2_udp_floor_periodic(hm2_udp_floor_cycle *cycle, int64_t period_ns, uint32_t count,
@@ -260,7 +261,6 @@ void hm2_udp_floor_periodic(hm2_udp_floor_cycle *cycle, int64_t period_ns, uint3
 {
 	int64_t due = hm2_clock_now_ns() + period_ns;
 
-	memset(timing, 0, sizeof *timing);
 	for (uint32_t i = 0; i < count; i++) {
 		int64_t at[HM2_UDP_FLOOR_STAGES + 1] = {due};
 		int status;
@@ -272,14 +272,23 @@ void hm2_udp_floor_periodic(hm2_udp_floor_cycle *cycle, int64_t period_ns, uint3
 		status = hm2_cycle_begin(cycle->cycle, &cycle->error);
 		at[2] = hm2_clock_now_ns();
 		if (status == HM2_OK)
-			status = hm2_cycle_finish(cycle->cycle, at[2] + LOST_NS / 10, &cycle->error);
+			status = hm2_cycle_finish(cycle->cycle, at[2] + LOST_NS, &cycle->error);
 		if (status == HM2_OK && cycle->process_data)
 			hm2_process_data_unpack(cycle->process_data);
 		at[3] = hm2_clock_now_ns();
 		timing->cycles++;
-		timing->missed += status != HM2_OK;
-		account(timing, at, period_ns);
+		timing->lost += status != HM2_OK;
+		account(timing, i, at, period_ns);
 		for (due += period_ns; due <= at[3]; due += period_ns)
 			timing->skipped++; /* never two cycles back to back to catch up */
+	}
+}
+
+void hm2_udp_floor_nothing(uint32_t count, uint64_t *ns)
+{
+	for (uint32_t i = 0; i < count; i++) {
+		const int64_t start = hm2_clock_now_ns();
+
+		ns[i] = (uint64_t)(hm2_clock_now_ns() - start);
 	}
 }
