@@ -88,7 +88,7 @@ def _shown(found: Examination) -> list[Table | str]:
     lines: list[Table | str] = [measured, "", seen, ""]
     advice = numbered([_advice(finding, found.target) for finding in found.advice])
     lines.append("Change one thing at a time, in this order:" if advice else "Nothing to change was found.")
-    return [*lines, *(f"  {line}" for line in wrapped(advice, text_width()))]
+    return [*lines, *(f"  {line}" for line in wrapped(advice, text_width(), 2))]
 
 
 def _coloured(verdict: Verdict) -> Text:

@@ -89,7 +89,7 @@ def _explain_error(session: Session, what: str) -> None:
 def _error_lines(found: type[HostMot2Error]) -> list[str]:
     width = text_width()
     meaning = catalogue.exit_meaning(found)
-    lines = [f"{found.code} {found.__name__}", *wrapped([catalogue.meaning(found)], width)]
+    lines = [f"{found.code} {found.__name__}", *wrapped([catalogue.meaning(found)], width, 0)]
     lines += ["", "Likely, in this order:", *_indented(numbered(found.causes), width)]
     if found is NoRemote:
         lines += _checklists(width)
@@ -106,7 +106,7 @@ def _checklists(width: int) -> list[str]:
 
 
 def _indented(lines: list[str], width: int, by: int = 2) -> list[str]:
-    return [" " * by + line for line in wrapped(lines, width)]
+    return [" " * by + line for line in wrapped(lines, width, by)]
 
 
 # ---- words

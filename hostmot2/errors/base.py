@@ -78,12 +78,14 @@ class HostMot2Error(Exception):
     def report(self, width: int = 100) -> str:
         """Everything, for people: what, evidence, likely causes in their order, what to do, where more is.
 
-        Causes and advice are wrapped to `width` columns; evidence may be a table and is not.
+        Text is wrapped to `width` columns; evidence that is indented is a table and is not.
         """
         more = f"hm2 explain {self.code.removeprefix('HM2-')}"
-        lines = [f"{self.code} {type(self).__name__}: {self.message}"]
+        lines, seen = [f"{self.code} {type(self).__name__}: {self.message}"], []
         notes = [note for note in self.__notes__ if note != self._advice()]
-        lines += _part("Evidence", [line for line in (self.numbers(), *self.evidence, *notes) if line])
+        for line in (self.numbers(), *self.evidence, *notes):
+            seen += [line] if line.startswith(" ") else wrapped([line], width)
+        lines += _part("Evidence", seen)
         lines += _part("Likely", wrapped(numbered(self.causes), width))
         lines += _part("Do", wrapped([self.fix], width))
         return "\n".join([*lines, *_part("More", [more])])
@@ -105,10 +107,11 @@ def numbered(causes: Sequence[str]) -> list[str]:
     return [f"{place}. {cause}" for place, cause in enumerate(causes, 1)]
 
 
-def wrapped(lines: Sequence[str], width: int) -> list[str]:
-    """The lines as they fit behind the names of a report's parts; what continues is indented."""
-    room = max(width - _INDENT, 40)
-    return [part for line in lines for part in textwrap.wrap(line, room, subsequent_indent="   ")]
+def wrapped(lines: Sequence[str], width: int, indent: int = _INDENT) -> list[str]:
+    """The lines as they fit behind `indent` columns, those of a report's names; the rest is indented."""
+    room = max(width - indent, 40)
+    wrap = textwrap.TextWrapper(room, subsequent_indent="   ", break_on_hyphens=False)
+    return [part for line in lines for part in wrap.wrap(line)]
 
 
 def _number(value: int) -> str:

@@ -36,8 +36,8 @@ class Advice:
     def lines(self, width: int = 110) -> list[str]:
         """As text below a table, wrapped to `width` columns."""
         heading = ["Check in this order:"] if self.checks else []
-        checks = [f"  {line}" for line in wrapped(numbered(self.checks), width)]
-        return [*wrapped(self.seen, width), *heading, *checks]
+        checks = [f"  {line}" for line in wrapped(numbered(self.checks), width, 2)]
+        return [*wrapped(self.seen, width, 0), *heading, *checks]
 
 
 def advise(failed: Sequence[ChannelEvidence], everything: Sequence[ChannelEvidence]) -> Advice:
