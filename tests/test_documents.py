@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 import sys
+import tomllib
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -82,6 +83,17 @@ def test_every_block_is_fenced_and_names_its_language(name: str) -> None:
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
     # a paragraph that is indented by four without a list above it
     assert not re.findall(r"\n\n(?! *[-*\d])[^\n]*[.:]\n\n    \S[^\n]*", outside)
+
+
+def test_the_page_on_installing_lists_base_and_extras() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    text = (ROOT / "docs" / "start" / "install.md").read_text()
+    table = dict(re.findall(r"^\| `hostmot2(?:\[(\w+)\])?` \| ([^|]+) \|", text, re.MULTILINE))
+    wanted = {"": project["dependencies"]} | project["optional-dependencies"]
+    assert set(table) >= set(wanted)
+    for extra in set(wanted) - {"all"}:
+        packages = [re.split(r"[>=\[ ]", requirement)[0] for requirement in wanted[extra]]
+        assert table[extra] == ", ".join(packages), extra
 
 
 @pytest.mark.parametrize("name", [name for name in PAGES if "/" not in name])
