@@ -47,7 +47,8 @@ def test_every_block_of_a_page_runs(name: str, tmp_path: Path) -> None:
     if not alone and "<!-- page: card" in page.read_text():
         pytest.skip("needs a network namespace (unshare -rn, ip)")
     command = [*alone, sys.executable, str(ROOT / "tests" / "page.py"), str(page)]
-    environment = os.environ | {
+    inherited = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "HM2_BOARD")}
+    environment = inherited | {
         "HM2_PAGE_ALONE": "1" if alone else "",
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
         "PYTHONPATH": str(ROOT),
