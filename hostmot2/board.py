@@ -219,10 +219,16 @@ class Board:
             if self._closed or self._closing:
                 return
             self._closing = True
-            lib.hm2_board_set_gate(self._handle, 0)  # making safe is writing, too
-            # a forked child shares the card with its parent, whose outputs it must not turn off
-            failed = self._make_safe() if os.getpid() == self._owner and not self.read_only else []
-            self._close_bus()
+            try:
+                lib.hm2_board_set_gate(self._handle, 0)  # making safe is writing, too
+                # a forked child shares the card with its parent, whose outputs it must not turn off
+                failed = self._make_safe() if os.getpid() == self._owner and not self.read_only else []
+                self._close_bus()
+            except BaseException:  # Ctrl-C between two actions: each may be done twice, none may be left out
+                self._closing = False
+                if not self._closed:
+                    self.close()
+                raise
         exits.forget(self)
         if failed:
             for other in failed[1:]:
@@ -234,15 +240,21 @@ class Board:
         for _, _, action in sorted(self._safe_off, key=lambda entry: entry[:2]):
             try:
                 action()
-            except BaseException as error:  # even a second Ctrl-C must not leave outputs on
+            except Exception as error:
                 failed.append(error)
+            except BaseException as error:  # Ctrl-C, perhaps halfway: what was begun is done
+                failed.append(error)
+                try:
+                    action()
+                except BaseException as again:  # even a second one must not leave outputs on
+                    failed.append(again)
         return failed
 
     def _close_bus(self) -> None:
-        self._closed = True
         lib.hm2_board_close(self._handle)
-        for action in self._transport.on_close:
-            action()
+        while self._transport.on_close:
+            self._transport.on_close.pop(0)()
+        self._closed = True
 
     def __del__(self) -> None:
         if not getattr(self, "_closed", True):
@@ -273,6 +285,7 @@ class Board:
         try:
             self.close()
         except BaseException as failure:
+            self.close()  # nothing is left to do, unless Ctrl-C came before it had begun
             if error is None:
                 raise
             error.add_note(f"while closing {self.url}: {failure!r}")

@@ -12,7 +12,6 @@ one aligned 64-bit store, and takes effect as a whole.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -122,7 +121,9 @@ class ProcessData:
     def _bind(self, name: str) -> Callable[[], None]:
         """A call that takes the time of the work: handing over the interpreter lock would take longer."""
         function = int(ffi.cast("uintptr_t", ffi.addressof(lib, name)))
-        return bind(function, int(ffi.cast("uintptr_t", self._plan)), self._plan)
+        # unpack and pack may outlive this object: they keep alive what the plan points to
+        kept = (self._plan, self.values, self.raw, self.input_image, self.output_image)
+        return bind(function, int(ffi.cast("uintptr_t", self._plan)), kept)
 
     def _compile(self) -> Any:
         first = {channel: 0 for channel in self.layouts}
@@ -151,9 +152,8 @@ class ProcessData:
                 f"at bit {element.offset} does not fit: limit {error.expected}, found {error.received}"
             )
         check(status, error)
-        # unpack and pack may outlive this object: the plan keeps alive what it points to
-        buffers = (self.values, self.raw, self.input_image, self.output_image)
-        return ffi.gc(plan[0], partial(_free, buffers))
+        # freed without Python: a Ctrl-C that came during it would be lost
+        return ffi.gc(plan[0], lib.hm2_process_data_free)
 
     def _configure(self, index: int, scaling: Scaling) -> None:
         if not scaling.low <= scaling.high:
@@ -167,10 +167,6 @@ class ProcessData:
         )
         check(status, error)
         self._scalings[index] = scaling
-
-
-def _free(_buffers: tuple[Any, ...], plan: Any) -> None:
-    lib.hm2_process_data_free(plan)
 
 
 def _fill_field(field: Any, channel: int, first: int, element: Element, scaling: Scaling) -> None:
