@@ -8,6 +8,7 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from types import FrameType
 from typing import Any
 
@@ -103,7 +104,7 @@ class _Record:
         try:
             found = json.loads(self._path.read_text())
             done = found.pop("done")
-        except (OSError, ValueError, AttributeError, KeyError, TypeError):
+        except (OSError, ValueError, AttributeError, KeyError, TypeError, RecursionError):
             return 0
         return done if found == self._facts and isinstance(done, int) else 0
 
@@ -111,9 +112,9 @@ class _Record:
         """So many blocks are written. Without a place to write this, a resumed update begins anew."""
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            beside = self._path.with_suffix(".new")
-            beside.write_text(json.dumps(self._facts | {"done": done}))
-            os.replace(beside, self._path)
+            with NamedTemporaryFile("w", dir=self._path.parent, delete=False) as beside:
+                beside.write(json.dumps(self._facts | {"done": done}))
+            os.replace(beside.name, self._path)
         except OSError as failure:
             click.echo(f"hm2: cannot keep the progress: {failure}", err=True)
 

@@ -189,6 +189,7 @@ class ControlServer:
         _remove_abandoned(self.path)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
+            os.fchmod(self._socket.fileno(), 0o600)  # the file that bind makes is its owner's alone
             self._socket.bind(os.fspath(self.path))
         except OSError as error:
             self._socket.close()

@@ -7,8 +7,20 @@ import json
 import os
 import zlib
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 
 from hostmot2.emulator.described import DescribedRemote
+
+MOST_BYTES = 1 << 22
+"""More than any memory of a remote: what unpacks to more is no state."""
+
+
+def _unpacked(text: str) -> bytes:
+    unpacker = zlib.decompressobj()
+    data = unpacker.decompress(base64.b64decode(text), MOST_BYTES)
+    if not unpacker.eof:
+        raise ValueError(f"a memory is cut short, or longer than {MOST_BYTES} bytes")
+    return data
 
 
 class RemoteState:
@@ -29,13 +41,9 @@ class RemoteState:
     def _restore(self) -> None:
         try:
             document = json.loads(self._path.read_text())
-            memories = {
-                name: zlib.decompress(base64.b64decode(text))
-                for name, text in document.items()
-                if name != "remote"
-            }
+            memories = {name: _unpacked(text) for name, text in document.items() if name != "remote"}
             kind = document["remote"]
-        except (ValueError, AttributeError, KeyError, TypeError, zlib.error) as broken:
+        except (ValueError, AttributeError, KeyError, TypeError, RecursionError, zlib.error) as broken:
             raise ValueError(f"{self._path} is no state of a remote: {broken}") from broken
         if kind != self._kind:
             raise ValueError(f"{self._path} is the state of a {kind}, not of a {self._kind}")
@@ -54,7 +62,9 @@ class RemoteState:
         document = {"remote": self._kind} | {
             name: base64.b64encode(zlib.compress(data, 1)).decode() for name, data in memories.items()
         }
-        beside = self._path.with_name(self._path.name + ".new")
-        beside.write_text(json.dumps(document, indent=1) + "\n")
-        os.replace(beside, self._path)
+        text = json.dumps(document, indent=1) + "\n"
+        # a new file of its own: nothing that lies in a fixed place, a link perhaps, is written to
+        with NamedTemporaryFile("w", dir=self._path.parent, delete=False) as beside:
+            beside.write(text)
+        os.replace(beside.name, self._path)
         self._saved = memories

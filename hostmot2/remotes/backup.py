@@ -86,10 +86,18 @@ def _meaning(parameter: Parameter, value: Number) -> str:
     return f"{parameter.to_unit(value):.6g} {parameter.unit}"
 
 
+MOST_BYTES = 1 << 20
+"""Of a backup; the parameters of a remote take a few kilobytes."""
+
+
 def read(path: Path) -> Backup:
     """What a file says. Raises WrongBackup, OSError."""
     try:
-        document = tomllib.loads(path.read_text())
+        with path.open("rb") as file:
+            text = file.read(MOST_BYTES + 1)
+        if len(text) > MOST_BYTES:
+            raise ValueError(f"longer than {MOST_BYTES} bytes")
+        document = tomllib.loads(text.decode())
         remote = document["remote"]
         backup = Backup(
             str(remote["name"]),
@@ -98,13 +106,12 @@ def read(path: Path) -> Backup:
             dict(document.get("working", {})),
         )
     except (
-        tomllib.TOMLDecodeError,
-        UnicodeDecodeError,
         KeyError,
         TypeError,
         ValueError,
         OverflowError,
-    ) as broken:
+        RecursionError,
+    ) as broken:  # TOML and Unicode, too
         raise WrongBackup(f"{path}: no backup of a remote: {broken}") from broken
     for name, value in backup.values.items():
         if isinstance(value, bool) or not isinstance(value, int | float):

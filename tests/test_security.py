@@ -1,0 +1,142 @@
+"""What docs/explanation/security.md says, sentence by sentence."""
+
+from __future__ import annotations
+
+import ast
+import base64
+import json
+import stat
+import tomllib
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hostmot2.emulator import EmulatedBoard, catalog
+from hostmot2.emulator.control import Controls, ControlServer
+from hostmot2.emulator.ethernet import EthernetServer
+from hostmot2.emulator.remote_state import MOST_BYTES, RemoteState
+from hostmot2.errors import HostMot2Error
+from hostmot2.remotes import backup
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "hostmot2"
+LISTENERS = {"emulator/control.py"}
+"""Modules that accept connections, on a Unix socket."""
+
+
+def calls() -> Iterator[tuple[str, str, ast.Call]]:
+    """Every call in the package: the module, what is called, and the call."""
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call):
+                yield str(path.relative_to(PACKAGE)), ast.unparse(node.func), node
+
+
+def imports() -> Iterator[tuple[str, str]]:
+    for path in sorted(PACKAGE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                yield from ((str(path.relative_to(PACKAGE)), alias.name) for alias in node.names)
+            elif isinstance(node, ast.ImportFrom):
+                yield str(path.relative_to(PACKAGE)), node.module or ""
+
+
+def test_no_file_is_run() -> None:
+    forbidden = {"pickle", "marshal", "shelve", "yaml", "dill", "joblib"}
+    assert not [(where, name) for where, name in imports() if name.split(".")[0] in forbidden]
+    assert not [
+        (where, name) for where, name, _ in calls() if name in ("eval", "exec", "os.system", "os.popen")
+    ]
+    for where, name, call in calls():
+        assert not any(keyword.arg == "shell" for keyword in call.keywords), f"{where}: {name}"
+
+
+def test_nothing_asks_for_more_rights() -> None:
+    changes = {"os.setuid", "os.seteuid", "os.setgid", "os.setegid", "os.setresuid"}
+    assert not [
+        (where, name) for where, name, _ in calls() if name in changes or "sudo" in ast.unparse(_)[:40]
+    ]
+
+
+def test_nothing_but_the_control_socket_accepts_connections_in_python() -> None:
+    listening = {where for where, name, _ in calls() if name.endswith((".listen", ".accept"))}
+    assert listening <= LISTENERS
+    assert not [name for _, name in imports() if name.split(".")[0] in ("http", "socketserver", "asyncio")]
+
+
+def test_the_emulated_card_is_on_loopback_unless_told_otherwise(caplog: pytest.LogCaptureFixture) -> None:
+    with EthernetServer(None) as server:
+        assert server.is_loopback
+        assert server.url.startswith("udp://127.0.0.1:")
+    assert not caplog.records
+    with EthernetServer(None, "0.0.0.0") as server:
+        assert not server.is_loopback
+    assert "can be driven from the network" in caplog.text
+
+
+def test_the_control_socket_is_its_owners_alone(tmp_path: Path) -> None:
+    board = EmulatedBoard("7i92+7i77")
+    path = tmp_path / "control"
+    with EthernetServer(board) as server, ControlServer(path, Controls(board, server)):
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+def state(tmp_path: Path, document: object) -> Path:
+    path = tmp_path / "state"
+    path.write_text(document if isinstance(document, str) else json.dumps(document))
+    return path
+
+
+@pytest.mark.parametrize(
+    "document",
+    [
+        {"remote": "7i77-io", "eeprom": base64.b64encode(zlib.compress(bytes(MOST_BYTES + 1))).decode()},
+        {"remote": "7i77-io", "eeprom": base64.b64encode(zlib.compress(bytes(10))[:-4]).decode()},
+        "[" * 100_000,
+        "{",
+    ],
+    ids=["bomb", "cut short", "nested", "no JSON"],
+)
+def test_a_state_that_cannot_be_is_refused(tmp_path: Path, document: object) -> None:
+    with pytest.raises(ValueError, match="no state of a remote"):
+        RemoteState(catalog.remote("7i77-io"), state(tmp_path, document), "7i77-io")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a = " + "[" * 100_000,
+        "# " + "x" * (1 << 20),
+        "[remote]\nname = 1979-05-27\nunit_number = 'x'",
+        "[remote]\nname = 'a'\nunit_number = 1\n[working]\ngain = 'import os'",
+    ],
+    ids=["nested", "long", "types", "text for a number"],
+)
+def test_a_backup_that_cannot_be_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "backup.toml"
+    path.write_text(text)
+    with pytest.raises(HostMot2Error):
+        backup.read(path)
+
+
+def test_a_link_beside_a_file_that_is_replaced_is_not_followed(tmp_path: Path) -> None:
+    precious = tmp_path / "precious"
+    precious.write_text("untouched")
+    path = tmp_path / "state"
+    for name in ("state.new", "state.tmp", "state~"):
+        (tmp_path / name).symlink_to(precious)
+    RemoteState(catalog.remote("7i77-io"), path, "7i77-io").save()
+    assert json.loads(path.read_text())["remote"] == "7i77-io"
+    assert precious.read_text() == "untouched"
+
+
+def test_there_are_five_dependencies_each_with_its_reason() -> None:
+    text = (ROOT / "pyproject.toml").read_text()
+    dependencies = tomllib.loads(text)["project"]["dependencies"]
+    names = [dependency.split(">")[0] for dependency in dependencies]
+    assert names == ["cffi", "numpy", "click", "rich", "tomlkit"]
+    for dependency in dependencies:
+        line = next(line for line in text.splitlines() if line.strip().startswith(f'"{dependency}"'))
+        assert "#" in line, line
