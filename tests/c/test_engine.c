@@ -321,6 +321,35 @@ static void test_start_and_stop_in_quick_succession(void)
 	tear_down(&rig);
 }
 
+/* As a program ends: the engine is stopped and the board closed while the recorder still empties the ring, and
+ * whoever shows values still reads the last of them. */
+static void test_stop_and_close_while_others_read_and_record(void)
+{
+	struct rig rig;
+	const hm2_engine_config config = quick();
+	void *(*const work[])(void *) = {reader, drain};
+	pthread_t threads[2];
+	uint32_t word;
+	build(&rig, &config);
+	for (int round = 0; round < 20; round++) {
+		CHECK(hm2_engine_start(rig.engine, NULL, NULL) == HM2_OK);
+		rig.over = 0;
+		for (int i = 0; i < 2; i++)
+			CHECK(pthread_create(&threads[i], NULL, work[i], &rig) == 0);
+		(void)after(&rig, 20);
+		hm2_engine_stop(rig.engine);
+		CHECK(rig.card.output == 0);
+		if (round == 19) {
+			hm2_board_close(rig.board);
+			CHECK(hm2_read(rig.board, 0x2000, &word, 1, NULL) == HM2_ERR_CLOSED);
+		}
+		rig.over = 1;
+		for (int i = 0; i < 2; i++)
+			CHECK(pthread_join(threads[i], NULL) == 0);
+	}
+	tear_down(&rig);
+}
+
 int main(void)
 {
 	test_failed_exchanges_in_a_row_turn_outputs_off_and_good_ones_do_not_turn_them_on();
@@ -330,5 +359,6 @@ int main(void)
 	test_a_silent_writer_is_a_dead_one();
 	test_readers_writers_and_lookers_at_once();
 	test_start_and_stop_in_quick_succession();
+	test_stop_and_close_while_others_read_and_record();
 	return check_failures != 0;
 }
