@@ -64,7 +64,7 @@ class Resources:
         self.files = len(os.listdir("/proc/self/fd"))
         self.threads = threading.active_count()
         self.tasks = len(os.listdir("/proc/self/task"))
-        self.memory = _in_use()
+        self.memory = in_use()
 
     def compare(self, runs: int) -> None:
         """Raises Wrong if more is held than before so many runs."""
@@ -100,8 +100,11 @@ class _Mallinfo2(ctypes.Structure):
     ]
 
 
-def _in_use() -> int:
-    libc = ctypes.CDLL(None)
-    libc.mallinfo2.restype = _Mallinfo2
-    info = libc.mallinfo2()
+_LIBC = ctypes.CDLL(None)
+_LIBC.mallinfo2.restype = _Mallinfo2
+
+
+def in_use() -> int:
+    """Bytes that C has allocated and not freed."""
+    info = _LIBC.mallinfo2()
     return int(info.uordblks + info.hblkhd)

@@ -58,6 +58,36 @@ class Group:
             yield Group(self.operation, self.layer, self.remote, self.variant, self.total, steps)
 
 
+PAIRED = ("start", "cycle")
+"""Operations that meet two faults at once, too."""
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """So many runs of one operation at one place, each with two faults drawn at random."""
+
+    operation: int
+    layer: int
+    remote: int
+    total: int
+    count: int
+    seed: int
+
+    @property
+    def place(self) -> Place:
+        """Where steps are counted."""
+        return Place(LAYERS[self.layer], self.remote)
+
+    def cases(self) -> Iterator[Case]:
+        """Its runs."""
+        draw = random.Random(self.seed)
+        variants = LAYERS[self.layer].variants
+        for _ in range(self.count):
+            both = draw.choices(variants, k=2)
+            steps = sorted(draw.randint(1, self.total) for _ in both)
+            yield Case(OPERATIONS[self.operation], self.place, tuple(zip(both, steps, strict=True)))
+
+
 @dataclass
 class Tally:
     """What came of runs."""
@@ -130,6 +160,32 @@ def carry_out(cases: Iterable[Case], totals: Iterable[int]) -> Tally:
         except Wrong as wrong:
             tally.wrong.append(f"{case}, and {tally.runs} like it: {wrong}")
     return tally
+
+
+def pairs(count: int, seed: int = 1, piece: int = 250) -> Iterator[Pairs]:
+    """About so many runs in all, the same number for each operation and place."""
+    kinds = [(n, *where) for n, o in enumerate(OPERATIONS) if o.name in PAIRED for where in places(o)]
+    for operation, layer, remote in kinds:
+        total = count_steps(OPERATIONS[operation], Place(LAYERS[layer], remote))
+        left = -(-count // len(kinds))
+        while left > 0:
+            seed += 1
+            yield Pairs(operation, layer, remote, total, min(piece, left), seed)
+            left -= piece
+
+
+def _carry_out_pairs(group: Pairs) -> tuple[Pairs, Tally]:
+    return group, carry_out(group.cases(), [group.total] * group.count)
+
+
+def run_pairs(found: Iterable[Pairs], workers: int = 2) -> Iterator[tuple[Pairs, Tally]]:
+    """All of them, as they are done. workers 0: in this process."""
+    if not workers:
+        yield from map(_carry_out_pairs, found)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        for done in as_completed([pool.submit(_carry_out_pairs, group) for group in found]):
+            yield done.result()
 
 
 def _carry_out_group(group: Group) -> tuple[Group, Tally]:
