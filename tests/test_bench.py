@@ -9,9 +9,19 @@ import pytest
 from click.testing import CliRunner
 
 import hostmot2
-from hostmot2.bench import command, doit, host, lateness, picture, recorded, split
+from hostmot2.bench import command, doit, host, lateness, peer, picture, recorded, scale, split
 from hostmot2.bench.page import page
-from hostmot2.bench.report import Goal, Report, Section, Table, compare, document, earlier, goals_table
+from hostmot2.bench.report import (
+    Curves,
+    Goal,
+    Report,
+    Section,
+    Table,
+    compare,
+    document,
+    earlier,
+    goals_table,
+)
 from hostmot2.bench.rounds import Candidate, Timing, measure
 from hostmot2.histogram import Histogram
 
@@ -202,3 +212,24 @@ def test_peers_that_are_not_there_are_left_out(monkeypatch):
     pack._pack(found, 1)
     assert set(found.sections[0].timings) == {pack.ONE, pack.SET, pack.PORT}
     assert found.goals == []
+
+
+def test_what_cannot_be_run_is_left_out_loudly(monkeypatch):
+    monkeypatch.setattr(peer, "missing", lambda: "it needs root")
+    found = peer.run()
+    assert "**** LEFT OUT: LinuxCNC's hm2_eth beside ours: it needs root" in str(found)
+    assert found.goals == []
+
+
+def test_curves_are_drawn_and_told(tmp_path):
+    pytest.importorskip("matplotlib")
+    curves = Curves("cost", "cards", "us", [1, 2], {"p50": [3.0, 4.0], "p99": [5.0, 6.0]})
+    found = Report("scale", curves=[curves])
+    assert "| 2 | 4 | 6 |" in page([found], {}, "")
+    picture.draw([found, report()], tmp_path / "x.png")
+    assert (tmp_path / "x.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_cost_is_measured_for_several_cards():
+    found = scale._several(2, 0.05)
+    assert len(found["cycle"]) > 20

@@ -12,7 +12,13 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
 
 import hostmot2
 from hostmot2.emulator.board import EmulatedBoard
@@ -21,6 +27,7 @@ from hostmot2.engine import Off, RealTimeWarning
 from hostmot2.errors import HostMot2Error
 
 ROOT = Path(__file__).parent.parent
+STEPS = 10_000
 PROGRAM = """
 import os, signal, sys, time
 import hostmot2
@@ -134,6 +141,8 @@ print("done")
 class Anything(RuleBasedStateMachine):
     """Start, stop, faults and closing in any order: nothing hangs or crashes, and stopped means off."""
 
+    steps_done = 0
+
     def __init__(self) -> None:
         super().__init__()
         self.emulated = EmulatedBoard("5i25+7i77")
@@ -193,6 +202,10 @@ class Anything(RuleBasedStateMachine):
         self.card = self.board.card("7i77")
 
     @invariant()
+    def counts_its_steps(self) -> None:
+        Anything.steps_done += 1
+
+    @invariant()
     def only_a_running_engine_has_the_cycle(self) -> None:
         assert (self.board.cycle.engine is not None) == (self.engine is not None)
 
@@ -200,10 +213,30 @@ class Anything(RuleBasedStateMachine):
         self.board.close()
 
 
-Anything.TestCase.settings = settings(
-    max_examples=12, stateful_step_count=15, deadline=None, suppress_health_check=list(HealthCheck)
-)
-test_anything_in_any_order = Anything.TestCase
+def in_any_order(examples: int, steps: int) -> None:
+    run_state_machine_as_test(
+        Anything,
+        settings=settings(
+            max_examples=examples,
+            stateful_step_count=steps,
+            deadline=None,
+            database=None,
+            suppress_health_check=list(HealthCheck),
+        ),
+    )
+
+
+def test_anything_in_any_order() -> None:
+    in_any_order(12, 15)
+
+
+@pytest.mark.slow
+def test_ten_thousand_steps_in_any_order() -> None:
+    """A machine may end its steps early, so it runs until there were so many."""
+    Anything.steps_done = 0
+    while Anything.steps_done < STEPS:
+        in_any_order(5, 500)
+    assert Anything.steps_done >= STEPS
 
 
 def test_refused_real_time_is_a_warning() -> None:

@@ -44,10 +44,12 @@ BENCHMARKS = {
         "smart serial exchanges: host, bus, wire, firmware, beside their floor",
     ),
     "cycle": ("hostmot2.bench.cycle", "the cycle engine: lateness, a busy interpreter, recording"),
+    "scale": ("hostmot2.bench.scale", "the engine's cost with channels, cards and rate"),
     "rtt": (
         "hostmot2.bench.rtt",
         "Ethernet: cycles beside bare exchanges, the emulated card beside a bare answerer",
     ),
+    "peer": ("hostmot2.bench.peer", "LinuxCNC's hm2_eth on the same emulated card (needs root)"),
 }
 
 

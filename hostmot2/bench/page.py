@@ -21,7 +21,7 @@ def page(reports: Sequence[Report], facts: Mapping[str, str], scheduling: str) -
     for report in reports:
         parts.append(f"## {report.name}")
         parts += [_grid(["", "ns", f"x {s.reference}"], _section(s), s.title) for s in report.sections]
-        parts += [_grid(*_table(table.cells()), table.title) for table in report.tables]
+        parts += [_grid(*_table(table.cells()), table.title) for table in report.all_tables()]
         if report.histograms:
             parts.append(_histograms(report))
         parts += [f"* {note}" for note in report.notes]

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hostmot2.bench.report import Report
+from hostmot2.bench.report import Curves, Report
 
 Buckets = tuple[Any, Any, Any]
 """Starts and widths in ns, counts."""
@@ -26,17 +26,21 @@ def draw(
 ) -> None:
     """A row per benchmark: left its distributions, right the part of cycles that took longer (log-log).
 
-    facts stand below. before: the document of an earlier run, whose lines are dashed. ValueError: no
-    benchmark has a histogram. ImportError with advice if matplotlib is missing.
+    Curves have a row of their own. facts stand below. before: the document of an earlier run, whose lines
+    are dashed. ValueError: no benchmark has anything to draw. ImportError with advice if matplotlib is
+    missing.
     """
-    shown = [report for report in reports if any(len(h) for h in report.histograms.values())]
-    if not shown:
+    spread = [report for report in reports if any(len(h) for h in report.histograms.values())]
+    grown = [report for report in reports if report.curves]
+    if not spread and not grown:
         raise ValueError("these benchmarks have no histogram to draw")
-    figure = new_figure((13, 1.2 + 4.2 * len(shown)))
-    rows = figure.subplots(len(shown), 2, squeeze=False)
-    for row, report in zip(rows, shown, strict=True):
+    figure = new_figure((13, 1.2 + 4.2 * (len(spread) + len(grown))))
+    rows = list(np.ravel(figure.subfigures(len(spread) + len(grown), 1)))
+    for report in spread:
         lines = {name: h.buckets() for name, h in report.histograms.items() if len(h)}
-        _draw_row(row, report.name, lines, _old_lines(before, report.name))
+        _draw_row(rows.pop(0).subplots(1, 2), report.name, lines, _old_lines(before, report.name))
+    for report in grown:
+        _draw_curves(rows.pop(0).subplots(1, len(report.curves), squeeze=False)[0], report.curves)
     if facts:
         figure.supxlabel("\n".join(textwrap.wrap(words(facts), 170)), fontsize="small")
     figure.savefig(target, dpi=110)
@@ -84,6 +88,15 @@ def _draw_row(
             kind(import_module("matplotlib.ticker").LogFormatter(minor_thresholds=(1.5, 0.5)))
         axis.grid(visible=True, which="both", alpha=0.2)
     tail.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="x-small", frameon=False)
+
+
+def _draw_curves(axes: Sequence[Any], curves: Sequence[Curves]) -> None:
+    for axis, each in zip(axes, curves, strict=True):
+        for name, values in each.lines.items():
+            axis.plot(each.x, values, "o-", label=name, linewidth=1, markersize=4)
+        axis.set(title=each.title, xlabel=each.what, ylabel=each.unit, ylim=(0, None))
+        axis.grid(visible=True, alpha=0.3)
+        axis.legend(fontsize="small", frameon=False)
 
 
 def distribution(buckets: Buckets) -> tuple[Any, Any]:

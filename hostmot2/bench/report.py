@@ -63,6 +63,22 @@ class Table:
         return "\n".join([self.title, *(f"  {line.rstrip()}" for line in lines)])
 
 
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """Figures over something that grows: a value per line at each x."""
+
+    title: str
+    what: str
+    unit: str
+    x: Sequence[float]
+    lines: Mapping[str, Sequence[float]]
+
+    def table(self) -> Table:
+        """The same in figures."""
+        rows = {f"{x:g}": [values[i] for values in self.lines.values()] for i, x in enumerate(self.x)}
+        return Table(f"{self.title}, {self.unit}, by {self.what}", list(self.lines), rows)
+
+
 @dataclass(slots=True)
 class Section:
     """One table: candidates that did the same work, against the one named `reference`."""
@@ -94,17 +110,22 @@ class Report:
     tables: list[Table] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     """What could not be measured here, each with its reason."""
+    curves: list[Curves] = field(default_factory=list)
 
     def __str__(self) -> str:
         parts = [f"== {self.name} =="]
         parts += [str(section) for section in self.sections]
-        parts += [str(table) for table in self.tables]
+        parts += [str(table) for table in self.all_tables()]
         parts += [f"{name}\n  {histogram!r}" for name, histogram in self.histograms.items()]
         if self.goals:
             parts.append("goals\n" + "\n".join(f"  {goal}" for goal in self.goals))
         parts += [f"note: {note}" for note in self.notes]
         parts += [f"**** LEFT OUT: {reason}" for reason in self.left_out]
         return "\n\n".join(parts)
+
+    def all_tables(self) -> list[Table]:
+        """With those of the curves."""
+        return [*self.tables, *(curves.table() for curves in self.curves)]
 
     def figures(self) -> dict[str, float]:
         """Every time of the report by a name that stays the same from run to run, in ns."""
@@ -131,7 +152,8 @@ class Report:
                 for name, histogram in self.histograms.items()
             },
             "tables": [
-                {"title": t.title, "columns": list(t.columns), "rows": dict(t.rows)} for t in self.tables
+                {"title": t.title, "columns": list(t.columns), "rows": dict(t.rows)}
+                for t in self.all_tables()
             ],
             "notes": self.notes,
             "left_out": self.left_out,
