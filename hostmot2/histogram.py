@@ -40,6 +40,19 @@ class Histogram:
         """Count everything the other has counted."""
         lib.hm2_histogram_merge(self.core, other.core)
 
+    def since(self, earlier: Histogram) -> Histogram:
+        """What was counted after `earlier`, a copy of this histogram then; minimum and maximum within 1 %."""
+        fresh = Histogram()
+        np.subtract(self._buckets, earlier._buckets, out=fresh._buckets)
+        used = np.flatnonzero(fresh._buckets)
+        if used.size:
+            fresh.core.count = int(fresh._buckets.sum())
+            fresh.core.sum_ns = self.core.sum_ns - earlier.core.sum_ns
+            fresh.core.minimum_ns = lib.hm2_histogram_bucket_start(int(used[0]))
+            last = lib.hm2_histogram_bucket_start(int(used[-1]) + 1) - 1
+            fresh.core.maximum_ns = min(last, self.core.maximum_ns)
+        return fresh
+
     def reset(self) -> None:
         """Forget everything."""
         lib.hm2_histogram_reset(self.core)

@@ -504,7 +504,7 @@ def test_a_port_is_lent_between_two_doits_and_its_channels_run_on(
         run(engine, 5)
         emulated.sserial[0].remote(1).inject(bad_crc=1)
         run(engine, 5)
-        with engine.lend(0):
+        with engine.lend(board.sserial[0]):
             counted = board.sserial.counters()
             doits = board.sserial.transfers["doits"]
             run(engine, 3)
@@ -522,16 +522,16 @@ def test_a_port_is_lent_between_two_doits_and_its_channels_run_on(
 def test_a_port_that_is_not_the_engines_or_was_given_up_is_not_lent(
     board: Any, emulated: EmulatedBoard
 ) -> None:
-    with board.engine() as engine:
+    with board.engine() as engine, hostmot2.open(EmulatedBoard("5i25+7i77")) as other:
         run(engine, 3)
-        with pytest.raises(EngineError), engine.lend(1):
+        with pytest.raises(EngineError, match="no running engine"), engine.lend(other.sserial[0]):
             pass
         emulated.sserial[0].remote(0).alive = False
         run(engine, 40)
         assert engine.status.ports_given_up == (True,)
-        with pytest.raises(EngineError, match="given up"), engine.lend(0):
+        with pytest.raises(EngineError, match="given up"), engine.lend(board.sserial[0]):
             pass
-    with pytest.raises(EngineError, match="no running engine"), engine.lend(0):
+    with pytest.raises(EngineError, match="no running engine"), engine.lend(board.sserial[0]):
         pass
 
 

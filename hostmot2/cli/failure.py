@@ -24,6 +24,7 @@ _EXIT_CODES: tuple[tuple[type[BaseException], int], ...] = (
     (errors.PermissionDenied, PERMISSION),
     (errors.CardBusy, BUSY),
     (lbp.AdapterBusy, BUSY),
+    (errors.LiveError, BUSY),
     (errors.ReadOnly, USAGE),
     (errors.BrokenDump, DEVICE),
     (errors.FirmwareTooOld, DEVICE),

@@ -26,6 +26,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "poke": "hostmot2.cli.registers:poke",
         "dump": "hostmot2.cli.dump:dump",
         "diff": "hostmot2.cli.dump:diff",
+        "monitor": "hostmot2.cli.monitor:monitor",
     },
     "Smart serial and remotes": {
         "sserial": "hostmot2.cli.sserial:sserial",
@@ -39,6 +40,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "play": "hostmot2.cli.recording:play",
         "plot": "hostmot2.cli.recording:plot",
         "export": "hostmot2.cli.recording:export",
+        "live": "hostmot2.cli.live:live",
         "bench": "hostmot2.bench.command:bench",
     },
     "Emulate": {

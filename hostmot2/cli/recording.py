@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import click
 
-from hostmot2.board import Board
 from hostmot2.cli.progress import stages
+from hostmot2.cli.run import start_remotes, until, watch
 from hostmot2.cli.session import Session, reports, rows
 from hostmot2.emulator.control import ask
-from hostmot2.registers import Gtag
 
 FILE = click.Path(dir_okay=False, path_type=Path)
 COLUMNS = click.option("--column", "-c", "columns", multiple=True, metavar="NAME", help="Only these columns.")
@@ -53,57 +49,22 @@ def record(
     """
     recording = _recording()
     with session.board() as board:
-        _start_remotes(board)
+        start_remotes(board)
         engine = board.engine(rate, real_time=real_time)
         recorder = recording.record(engine, output, json_rate=json_rate)
         began = board.now_ns()
-        with recorder, engine, _until(board, seconds) as over, stages() as advance:
-            while not over() and recorder.failure is None:
-                _pass(board, engine, 0.05)
+        with recorder, engine, until(board, seconds) as over, stages() as advance:
+
+            def passed() -> None:
                 if seconds:
-                    advance(
-                        "seconds", min(round((board.now_ns() - began) / 1e9), round(seconds)), round(seconds)
-                    )
-                for event in engine.events():
-                    recorder.log(str(event), "warning", "engine", event.time_ns)
+                    done = min(round((board.now_ns() - began) / 1e9), round(seconds))
+                    advance("seconds", done, round(seconds))
+
+            watch(board, engine, recorder, over, passed)
         counters = recorder.counters
     document = {"file": str(output), "cycles": counters.records, "dropped": counters.dropped, "rate": rate}
     dropped = f", {counters.dropped} dropped" if counters.dropped else ""
     session.report(document, f"{output}: {counters.records} cycles{dropped}")
-
-
-def _pass(board: Board, engine: Any, seconds: float) -> None:
-    """Time passes by itself, or, on a card with virtual time, by running cycles."""
-    if board.virtual_time:
-        engine.step()
-    else:
-        time.sleep(seconds)
-
-
-def _start_remotes(board: Board) -> None:
-    if not any(module.gtag in (Gtag.SSERIAL, Gtag.SSERIAL_B) for module in board.modules):
-        return
-    for port in board.sserial:
-        mask = sum(1 << row.channel for row in port.scan() if row.found)
-        if mask:
-            failed = port.start(mask).failed
-            if failed:
-                click.echo(f"hm2: {port.label}: channels 0x{failed:02X} did not start", err=True)
-
-
-@contextlib.contextmanager
-def _until(board: Board, seconds: float | None) -> Iterator[Callable[[], bool]]:
-    """Whether the time is over or a signal to end has come."""
-    ended: list[int] = []
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    for number in handlers:
-        signal.signal(number, lambda received, _frame: ended.append(received))
-    end = None if seconds is None else board.now_ns() + round(seconds * 1e9)
-    try:
-        yield lambda: bool(ended) or (end is not None and board.now_ns() >= end)
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
 
 
 @click.command()

@@ -34,13 +34,13 @@ class Session:
     verbose: bool = False
 
     @contextmanager
-    def board(self) -> Iterator[Board]:
-        """The board the user means, open; its outputs go off and it is closed at the end."""
+    def board(self, *, read_only: bool = False) -> Iterator[Board]:
+        """The board the user means, open; at the end it is closed, its outputs off unless it is read_only."""
         url, began = self.board_url(), time.monotonic()
-        with hostmot2.open(url) as board:
+        with hostmot2.open(url, read_only=read_only) as board:
             self.say(f"{url} open after {1e3 * (time.monotonic() - began):.1f} ms: {board!r}")
             yield board
-        self.say(f"{url} closed, outputs off")
+        self.say(f"{url} closed" + ("" if read_only else ", outputs off"))
 
     def say(self, text: str) -> None:
         """With --verbose: what is done, on stderr."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 import weakref
 from collections import deque
 from collections.abc import Iterator
@@ -31,6 +32,7 @@ from hostmot2.registers import Gtag
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
+    from hostmot2.sserial import SserialPort
 
 EVENTS_KEPT = 10_000
 WAIT_NS = 50_000_000
@@ -194,9 +196,12 @@ class Engine:
         """A ring that gets one record per cycle, to be emptied by one reader. Before start().
 
         slots: a power of two; words: room for the raw register image. What finds no room is counted in
-        `ring.counters`; the engine never waits. layout() tells what the image's words are.
+        `ring.counters`; the engine never waits. layout() tells what the image's words are. There is one ring:
+        EngineError for the second who asks.
         """
         self._before_start()
+        if self._ring is not None:
+            raise EngineError("the engine's records go to somebody already")
         dtype = record_dtype(words, len(self._input_signals), len(self._output_signals))
         self._ring = RecordRing(dtype, slots)
         return self._ring
@@ -403,15 +408,19 @@ class Engine:
             self._require()
             lib.hm2_engine_disable(self.handle)
 
-    def lend(self, number: int) -> AbstractContextManager[None]:
-        """The smart-serial port `number` among the engine's, for the time of a with block: counters(), say.
+    def lend(self, port: SserialPort) -> AbstractContextManager[None]:
+        """A smart-serial port of the engine's, for the time of a with block: counters(), say.
 
         Its channels run on and get no transfer meanwhile, so be quick: 40 ms and their watchdogs bite.
         Everything else goes on. Raises EngineError if the engine does not run or the port's exchanges fail.
         """
-        return lend(self, number)
+        return lend(self, port)
 
     # -- looking at it
+
+    def now_ns(self) -> int:
+        """The clock of records' and events' times: CLOCK_MONOTONIC, or the card's virtual time."""
+        return self.board.now_ns() if self.board.virtual_time else time.monotonic_ns()
 
     @property
     def status(self) -> EngineStatus:

@@ -12,6 +12,7 @@ from hostmot2.errors import EngineError
 
 if TYPE_CHECKING:
     from hostmot2.engine.engine import Engine
+    from hostmot2.sserial import SserialPort
 
 PATIENCE_SECONDS = 0.1
 STEPS = 10
@@ -19,8 +20,9 @@ STEPS = 10
 
 
 @contextmanager
-def lend(engine: Engine, number: int) -> Iterator[None]:
+def lend(engine: Engine, port: SserialPort) -> Iterator[None]:
     """See Engine.lend."""
+    number = next((n for n, data in enumerate(engine._ports) if data.port is port), -1)
     with engine.board.lock:  # whoever stops the engine needs it, and waits until the port is back
         _take(engine, number)
         try:
@@ -30,8 +32,8 @@ def lend(engine: Engine, number: int) -> Iterator[None]:
 
 
 def _take(engine: Engine, number: int) -> None:
-    if not engine.running or not 0 <= number < len(engine._ports):
-        raise EngineError(f"{engine.board.name}: no running engine has {number} of its ports to lend")
+    if not engine.running or number < 0:
+        raise EngineError(f"{engine.board.name}: no running engine has that port to lend")
     tries, end = 0, time.monotonic() + PATIENCE_SECONDS
     while not lib.hm2_engine_lend_port(engine.handle, number, 1):
         over = tries == STEPS if engine.board.virtual_time else time.monotonic() > end

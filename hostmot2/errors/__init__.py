@@ -56,14 +56,15 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |         +-- DuplicateOutput
      +-- BitfileError                   an FPGA image file is broken or not for this card
      +-- EngineError                    the cycle engine has the board, or does not run
+     +-- LiveError                      the live view cannot listen at its address
      +-- SserialError                   a smart-serial port, channel or remote failed
 
 A code (HM2-E0xx) is stable: once given to a class it is never given to another (tests/error_codes.txt).
 E010 to E019 transports, E020 to E039 smart serial, E040 to E049 modules at work, E050 to E079 the card's
 description, E080 to E089 dumps, E090 to E099 Ethernet cards and their images, E100 to E109 LBP over a serial
-line, E110 to E119 recordings, E120 to E129 the cycle engine, E130 to E139 daughter cards. Every class has
-its likely causes and what to do beside its code, or inherits them where they are the same; a module of
-errors is called `errors`, so that `hm2 explain` finds it.
+line, E110 to E119 recordings and live views, E120 to E129 the cycle engine, E130 to E139 daughter cards.
+Every class has its likely causes and what to do beside its code, or inherits them where they are the same; a
+module of errors is called `errors`, so that `hm2 explain` finds it.
 """
 
 from __future__ import annotations
@@ -114,6 +115,7 @@ from hostmot2.errors.idrom import (
     WrongStrideSelect,
     ZeroStride,
 )
+from hostmot2.errors.live import LiveError
 from hostmot2.errors.status import (
     check,
     evidence,
@@ -160,6 +162,7 @@ __all__ = [
     "IoportMissing",
     "KernelLockdown",
     "LinkFailed",
+    "LiveError",
     "MappingTooSmall",
     "ModuleListUnterminated",
     "ModuleMissing",

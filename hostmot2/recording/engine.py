@@ -13,6 +13,43 @@ SLOTS = 8192  # two seconds at 4 kHz
 WORDS = 128
 
 
+def signals_of(engine: Engine) -> tuple[list[Signal], list[Signal]]:
+    """What an engine's records hold: inputs, outputs."""
+    inputs, outputs = engine.signals
+    return [Signal(s.name, s.unit) for s in inputs], [Signal(s.name, s.unit) for s in outputs]
+
+
+class EngineRecords:
+    """The records of an engine and what describes them, to be had before its start(); they go to one reader.
+
+    slots: of the ring between the two, a power of two; the longest stall of the reader that costs nothing is
+    slots / rate. words: room for raw registers, 0 to 256. Raises EngineError if the engine has been started.
+    """
+
+    def __init__(self, engine: Engine, *, slots: int = SLOTS, words: int = WORDS) -> None:
+        self.engine = engine
+        self.ring = engine.record(slots, words)
+        self.inputs, self.outputs = signals_of(engine)
+        self._facts = {"rate": str(engine.rate), "slots": str(slots), "url": engine.board.url}
+        self._attachments = attachments_of(engine.board)
+
+    def recorder(self, path: str | os.PathLike[str], *, json_rate: float | None = None) -> Recorder:
+        """A recorder of what comes from now on; one at a time. json_rate: see Recorder. Raises OSError."""
+        while self.ring.pop().size:
+            pass  # what nobody wanted
+        return Recorder(
+            self.ring,
+            path,
+            self.inputs,
+            self.outputs,
+            image=lambda: [address | int(written) for address, written in self.engine.layout()],
+            attachments=self._attachments,
+            metadata={**host_metadata(), "hm2.engine": self._facts},
+            json_rate=json_rate,
+            clock=self.engine.now_ns,
+        )
+
+
 def record(
     engine: Engine,
     path: str | os.PathLike[str],
@@ -26,22 +63,7 @@ def record(
         with record(engine, "run.mcap"), engine:
             ...
 
-    slots: of the ring between the two, a power of two; the longest stall of the disk that costs nothing is
-    slots / rate. words: room for raw registers, 0 to 256. json_rate: see Recorder. Reads the card's registers
-    once. Raises EngineError if the engine has been started, OSError for the file, TransportError.
+    slots, words: see EngineRecords. json_rate: see Recorder. Reads the card's registers once. Raises
+    EngineError if the engine has been started, OSError for the file, TransportError.
     """
-    board = engine.board
-    ring = engine.record(slots, words)
-    inputs, outputs = engine.signals
-    engine_facts = {"rate": str(engine.rate), "slots": str(slots), "url": board.url}
-    return Recorder(
-        ring,
-        path,
-        [Signal(each.name, each.unit) for each in inputs],
-        [Signal(each.name, each.unit) for each in outputs],
-        image=lambda: [address | int(written) for address, written in engine.layout()],
-        attachments=attachments_of(board),
-        metadata={**host_metadata(), "hm2.engine": engine_facts},
-        json_rate=json_rate,
-        clock=board.now_ns,
-    )
+    return EngineRecords(engine, slots=slots, words=words).recorder(path, json_rate=json_rate)

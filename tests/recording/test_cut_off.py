@@ -25,12 +25,12 @@ from hostmot2.recording import Recorder
 from recording.making import DTYPE, IMAGE, INPUTS, OUTPUTS, push_all, records
 ring = RecordRing(DTYPE, 8192)
 recorder = Recorder(ring, sys.argv[1], INPUTS, OUTPUTS, image=IMAGE, flush_s=0.05)
-flush = recorder._file.flush
+flush = recorder._sink.flush
 def told():
     written = recorder.counters.records
     flush()
     print(written, flush=True)
-recorder._file.flush = told
+recorder._sink.flush = told
 with recorder:
     for first in range(0, 10**7, 20):
         push_all(ring, records(first, 20))

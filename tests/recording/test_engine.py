@@ -122,6 +122,16 @@ def test_a_bite_is_a_bite_in_the_replay_too(recorded):
             board.cycle.run()
 
 
+def test_times_of_an_emulated_card_are_of_today_and_begin_at_the_beginning(tmp_path):
+    with Board(transport_of(EmulatedBoard(CARD, clock="real"))) as board:
+        engine = board.engine(200)
+        before = time.time_ns()
+        with record(engine, tmp_path / "run.mcap"), engine:
+            time.sleep(0.1)
+    run = read(tmp_path / "run.mcap")
+    assert before <= run.time_ns[0] <= run.time_ns[-1] <= time.time_ns()
+
+
 def test_hm2_record_writes_every_cycle_and_switches_nothing_on(tmp_path, capfd):
     path = tmp_path / "run.mcap"
     command = ["--board", f"emu://{CARD}?clock=virtual", "--json", "record", "-o", str(path)]
@@ -181,7 +191,7 @@ def test_at_4_khz_with_eight_channels_a_disk_stalled_for_a_second_costs_no_recor
         board.sserial.start(0xFF).raise_for_failed()
         engine = board.engine(4000, dead_man=0)
         recorder = record(engine, tmp_path / "run.mcap", json_rate=100)
-        flush, flushes = recorder._file.flush, []
+        flush, flushes = recorder._sink.flush, []
 
         def stalling():
             flushes.append(None)
@@ -189,7 +199,7 @@ def test_at_4_khz_with_eight_channels_a_disk_stalled_for_a_second_costs_no_recor
                 time.sleep(1.0)
             flush()
 
-        monkeypatch.setattr(recorder._file, "flush", stalling)
+        monkeypatch.setattr(recorder._sink, "flush", stalling)
         with recorder, engine:
             time.sleep(seconds)
     run = read(tmp_path / "run.mcap")

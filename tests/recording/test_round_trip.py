@@ -158,7 +158,7 @@ def test_drops_are_counted_exactly_and_seen_as_gaps(tmp_path):
 def test_a_disk_that_stalls_for_a_second_costs_no_record(tmp_path, monkeypatch):
     ring = RecordRing(DTYPE, 8192)
     recorder = Recorder(ring, tmp_path / "run.mcap", INPUTS, OUTPUTS, flush_s=0.02, json_rate=100)
-    stalled, go_on, flush = threading.Event(), threading.Event(), recorder._file.flush
+    stalled, go_on, flush = threading.Event(), threading.Event(), recorder._sink.flush
 
     def stall():
         stalled.set()
@@ -167,7 +167,7 @@ def test_a_disk_that_stalls_for_a_second_costs_no_record(tmp_path, monkeypatch):
 
     with recorder:
         push_all(ring, records(0, 4000))
-        monkeypatch.setattr(recorder._file, "flush", stall)
+        monkeypatch.setattr(recorder._sink, "flush", stall)
         assert stalled.wait(60)
         push_all(ring, records(4000, 4000))  # what 4 kHz brings in a second
         go_on.set()
@@ -184,7 +184,7 @@ def test_a_full_disk_stops_the_writer_not_the_cycle(tmp_path):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    recorder._file.records = full
+    recorder._sink.records = full
     recorder.start()
     push_all(ring, records(0, 5))
     recorder._thread.join(60)
