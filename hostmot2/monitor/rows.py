@@ -52,7 +52,7 @@ class Rows:
                 yield port, channel
 
     def channels(
-        self, frame: Frame, counters: Mapping[int, tuple[ChannelCounters, ...]]
+        self, frame: Frame, counters: Mapping[tuple[int, int], ChannelCounters]
     ) -> tuple[ChannelRow, ...]:
         """A row per channel of the card."""
         rows = []
@@ -61,7 +61,7 @@ class Rows:
         for port, channel in self._channels():
             if port not in failed:
                 failed[port] = self._board.sserial[port].transfers["failed"] if self._driving else []
-            counted, lost = counters.get(port, ()), failed[port]
+            lost = failed[port]
             number = channel.number
             rows.append(
                 ChannelRow(
@@ -72,7 +72,7 @@ class Rows:
                     mode=_mode(channel) if self._driving and channel.started else "",
                     status=ChannelStatus(int(frame.inputs[f"sserial{port}.{number}.CS"])),
                     started=self._driving and channel.started,
-                    counters=counted[number] if number < len(counted) else None,
+                    counters=counters.get((port, number)),
                     failed=lost[number] if number < len(lost) else 0,
                     cut_off=bitten and channel.started,
                 )

@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 LOOK_SECONDS = 0.1
 LATENCY_SECONDS = 0.5
-COUNTERS_SECONDS = 1.0
+COUNTERS_SECONDS = 0.5
+"""Between the counters of one channel and those of the next: remotes get no transfer meanwhile."""
 DEAD_MAN_SECONDS = 1.0
 """Armed outputs go off when the view has not said for so long that it is alive."""
 
@@ -72,7 +73,8 @@ class Source:
         self._rows = Rows(board, self.driving)
         self._events = EventLog()
         self._latency = LatencyHistory()
-        self._counters: dict[int, tuple[ChannelCounters, ...]] = {}
+        self._counters: dict[tuple[int, int], ChannelCounters] = {}
+        self._next_channel = 0
         self._due = {"latency": 0.0, "counters": 0.0}
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -154,14 +156,19 @@ class Source:
         return True
 
     def _read_counters(self) -> None:
-        for port in self.board.sserial if Rows.has_sserial(self.board) else ():
-            try:
-                with self.engine.lend(port):
-                    self._counters[port.number] = port.counters()
-            except (EngineError, NoFirmware):
-                self._counters.pop(port.number, None)
-            except HostMot2Error:
-                continue  # the exchanges' failures are shown already
+        """Of the next channel: one at a time, so that no remote waits for long."""
+        if not Rows.has_sserial(self.board):
+            return
+        places = [(port, channel.number) for port in self.board.sserial for channel in port.channels]
+        port, number = places[self._next_channel % len(places)]
+        self._next_channel += 1
+        try:
+            with self.engine.lend(port):
+                self._counters[port.number, number] = port.channel_counters(number)
+        except (EngineError, NoFirmware):
+            self._counters.pop((port.number, number), None)
+        except HostMot2Error:
+            pass  # the exchanges' failures are shown already
 
     # -- a snapshot
 

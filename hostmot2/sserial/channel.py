@@ -55,7 +55,7 @@ class Channel:
     @property
     def counters(self) -> ChannelCounters:
         """The firmware's error counters, read now."""
-        return self._port.counters()[self.number]
+        return self._port.channel_counters(self.number)
 
     @property
     def mode(self) -> int:

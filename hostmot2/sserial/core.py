@@ -171,7 +171,11 @@ class Core:
 
     def counters(self) -> tuple[ChannelCounters, ...]:
         """The firmware's counters of all channels."""
-        return tuple(read_counters(self.read_local, n, self.block(n)) for n in range(self.channels))
+        return tuple(self.channel_counters(n) for n in range(self.channels))
+
+    def channel_counters(self, channel: int) -> ChannelCounters:
+        """The firmware's counters of one channel."""
+        return read_counters(self.read_local, channel, self.block(channel))
 
     def sizes(self, channel: int) -> tuple[int, int]:
         """Bytes received (with the fault byte) and sent in a process data exchange; (0, 0): not known."""

@@ -52,6 +52,12 @@ class PortMemory(ABC):
             self._ready()
             return self._core.counters()
 
+    def channel_counters(self, channel: int) -> ChannelCounters:
+        """Of one channel: ten bytes, each an exchange or two with the firmware. Errors as `counters`."""
+        with self._lock:
+            self._ready()
+            return self._core.channel_counters(channel)
+
     def process_data_sizes(self, channel: int) -> tuple[int, int]:
         """Bytes received (with the fault byte) and sent in an exchange, as the last start found out."""
         with self._lock:
