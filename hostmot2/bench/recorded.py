@@ -148,8 +148,8 @@ def _run_stalled(recorder: Recorder, engine: Engine, seconds: float) -> int:
 
 def _stall(recorder: Recorder, at: float) -> None:
     """The first flush after a time takes a second: the disk writes nothing, and its caller waits."""
-    file: Any = recorder._file
-    flush: Callable[[], None] = file.flush
+    sink: Any = recorder._sink
+    flush: Callable[[], None] = sink.flush
     stalled = threading.Event()
 
     def slow() -> None:
@@ -158,4 +158,4 @@ def _stall(recorder: Recorder, at: float) -> None:
             time.sleep(STALL_SECONDS)
         flush()
 
-    file.flush = slow
+    sink.flush = slow
