@@ -17,7 +17,7 @@ from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 
-from machine import Hal, ServedCard, run
+from machine import Hal, HalError, ServedCard, run
 
 SOURCE = Path(__file__).with_name("witness.c")
 PROBLEMS = ("packet-error-total", "sserial.port-0.fault-count", "watchdog.has_bit", "packet-error-exceeded")
@@ -124,17 +124,23 @@ class Recorder:
 
         hm2_eth(9), hostmot2(9), sserial(9). At once, so that no 16-bit counter turns over unseen.
         """
-        bitten, port = PROBLEMS.index("watchdog.has_bit") + 1, f"{self._card}.sserial.port-0"
+        bitten = BITTEN + 1
         while not self._stopping.wait(0.1):
-            pins = self._hal.pins(self._card)
-            stopped = pins[f"{self._card}.io_error"] or pins[f"{self._card}.watchdog.has_bit"]
-            if not stopped and pins[f"{port}.fault-count"] < PORT_STOPS:
-                continue
-            self.recoveries += 1
-            self.bites += round(pins[f"{self._card}.watchdog.has_bit"])
-            self._hal.halcmd(f"setp {self._card}.io_error 0", f"sets sample{bitten} 0", f"setp {port}.run 0")
-            time.sleep(0.05)
-            self._hal.halcmd(f"setp {port}.run 1")
+            try:
+                self._recover_if_stopped(f"{self._card}.sserial.port-0", bitten)
+            except (HalError, KeyError):
+                return  # LinuxCNC has gone: whoever ended it knows why
+
+    def _recover_if_stopped(self, port: str, bitten: int) -> None:
+        pins = self._hal.pins(self._card)
+        stopped = pins[f"{self._card}.io_error"] or pins[f"{self._card}.watchdog.has_bit"]
+        if not stopped and pins[f"{port}.fault-count"] < PORT_STOPS:
+            return
+        self.recoveries += 1
+        self.bites += round(pins[f"{self._card}.watchdog.has_bit"])
+        self._hal.halcmd(f"setp {self._card}.io_error 0", f"sets sample{bitten} 0", f"setp {port}.run 0")
+        time.sleep(0.05)
+        self._hal.halcmd(f"setp {port}.run 1")
 
     def stop(self) -> tuple[int, int]:
         """The thread has been stopped. Datagrams the card got and sent meanwhile."""

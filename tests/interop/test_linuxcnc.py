@@ -22,6 +22,8 @@ SECONDS = float(os.environ.get("HM2_INTEROP_SECONDS", "60"))
 CONFIG = "num_encoders=6 sserial_port_0=00xxxxxx"
 STEADY_RATE = 20_000
 """counts/s of encoder 0 throughout: every cycle's count is compared with it."""
+SLOW_RATES = (-15, -12, 12, 15)
+"""counts/s: the card's 16-bit time stamp turns over from one count to the next, every 65.5 ms."""
 MOST_STALLED = 0.02
 """Of the cycles. A machine that holds up more shows nothing."""
 VOLTS = 2 * 20 / 8191
@@ -77,7 +79,8 @@ class Plant:
         """Everything gets new values, and all must arrive."""
         outputs, inputs = self.random.getrandbits(16), self.random.getrandbits(32)
         volts = [round(self.random.uniform(-10, 10), 3) for _ in range(6)]
-        self.rates = [STEADY_RATE, *(self.random.randrange(-50_000, 50_000) for _ in range(5))]
+        rates = [self.random.randrange(-50_000, 50_000) for _ in range(4)]
+        self.rates = [STEADY_RATE, *rates, self.random.choice(SLOW_RATES)]
         pins = {f"{IO}.output-{n:02}": outputs >> n & 1 for n in range(16)}
         pins |= {f"{ANALOG}.analogout{n}": volts[n] for n in range(6)}
         self.hal.set_pins(pins)
@@ -105,7 +108,9 @@ class Plant:
 
     def velocities_right(self) -> bool:
         pairs = zip(self.velocities(), self.rates, strict=True)
-        return all(abs(got - rate) <= 20 + abs(rate) * 0.01 for got, rate in pairs)
+        return all(
+            abs(got - rate) <= (2 if rate in SLOW_RATES else 20 + abs(rate) * 0.01) for got, rate in pairs
+        )
 
     def counts_right(self) -> None:
         """Stopped, the counts are where the encoders are."""
