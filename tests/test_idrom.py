@@ -73,6 +73,12 @@ def test_pattern_0_all_zero_fails_with_the_cookie() -> None:
     assert (error.address, error.expected, error.received) == (0x100, 0x55AACAFE, 0)
 
 
+@pytest.mark.parametrize("bit", [0, 7, 16, 31])
+def test_a_cookie_with_one_wrong_bit_is_none(bit: int) -> None:
+    error = broken(good() | {0x100: 0x55AACAFE ^ 1 << bit}, errors.WrongCookie)
+    assert (error.expected, error.received) == (0x55AACAFE, 0x55AACAFE ^ 1 << bit)
+
+
 def test_pattern_1_cookie_alone_fails_with_the_config_name() -> None:
     error = broken({0x100: 0x55AACAFE}, errors.WrongConfigName)
     assert (error.address, error.expected, error.received) == (0x104, 0x54534F48, 0)

@@ -59,7 +59,7 @@ void prove_pack_writes_its_bits_only(void)
 	ASSUME(word < WORDS);
 	add_word(&data, &image, word);
 	PROVE(data.placement_count <= 1 && data.word_count == data.placement_count);
-	PROVE(placements[0].left < 64 && placements[0].right < 64);
+	PROVE(placements[0].turn < 64);
 	const uint64_t written = raw[0] = nondet_uint64();
 	place(&data);
 	const uint32_t i = nondet_uint8();
