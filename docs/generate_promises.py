@@ -17,7 +17,7 @@ FOLDER = Path(__file__).resolve().parent / "reference" / "promises"
 PAGE = FOLDER.parent / "promises.md"
 
 SOURCES = {
-    "faults": "python -m tests.faults --most 60 --pairs 3000 -o docs/reference/promises/faults.json",
+    "faults": "python -m tests.faults --most 8 --pairs 400 -o docs/reference/promises/faults.json",
     "interrupts": "python -m tests.faults.interrupts --count 10000 -o "
     "docs/reference/promises/interrupts.json",
     "kills": "python -m tests.faults.kills -o docs/reference/promises/kills.json",

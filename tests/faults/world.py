@@ -193,12 +193,13 @@ class World:
     def bite(self) -> None:
         """The card's watchdog bites: it runs out if it runs, else it is made to by somebody else."""
         left = self.card.read(self.timer)
-        if left & STOPPED:
-            self.card.write(self.timer, 0)
-            self.card.advance(1.0)
-            self.card.write(self.timer, STOPPED)
-        else:
+        if left < SOON:
             self.card.advance_clocks(left + 10)
+            return
+        self.card.write(self.timer, 0)
+        self.card.advance(1.0)
+        if left & STOPPED:
+            self.card.write(self.timer, STOPPED)
 
     def unplug(self) -> None:
         """The field I/O goes without power."""
@@ -244,6 +245,9 @@ class World:
 
 
 STOPPED = 1 << 31
+SOON = 1 << 26
+"""Clocks that one may wait for a watchdog to run out; relaxed it takes 2^31."""
+
 REMOTE_FAULT = 0x04
 """Over temperature: nothing that the driver or the remote would set by itself."""
 
