@@ -188,7 +188,7 @@ def test_r_records_until_r(started: Source, tmp_path: Path, monkeypatch: pytest.
         await pilot.press("r")
         for _ in range(5):
             await ticked(app, pilot)
-        assert "REC 00:00" in screen(app)
+        assert "REC 00:0" in screen(app)
         await pilot.press("r")
         await app.workers.wait_for_complete()
         await ticked(app, pilot)
