@@ -210,6 +210,23 @@ class Board:
             for _, _, action in sorted(self._restore, key=lambda entry: entry[:2]):
                 action()
 
+    def recover(self) -> None:
+        """Use the card again after LinkFailed: the link's errors forgotten, the configuration written anew.
+
+        A bite that happened meanwhile is accepted, as by watchdog.acknowledge(). Outputs stay off, smart
+        serial stopped and the watchdog disarmed until you ask for them again. Call it when the cause is
+        gone; stop an engine first. Raises TransportError if the card does still not answer: then call it
+        again, or close().
+        """
+        with self.lock:
+            for action in self._transport.on_recover:
+                action()
+            has_watchdog = any(module.gtag == Gtag.WATCHDOG for module in self.modules)
+            if has_watchdog and self.watchdog.check():
+                self.watchdog.acknowledge()
+            else:
+                self.restore()
+
     def close(self) -> None:
         """Turn outputs off, let the transport go. Idempotent.
 

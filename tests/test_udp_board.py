@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+
 import pytest
 
 import hostmot2
+from hostmot2 import errors
 from hostmot2.emulator import EmulatedBoard
+from hostmot2.emulator.board import UNDRIVEN
 from hostmot2.emulator.ethernet import EthernetServer
+from hostmot2.registers import Encoder, Gtag, Ioport
 
 # Requests are lost, not doubled: a card carries out what comes twice, and no driver can keep it from that.
 NETWORKS = [
@@ -93,3 +98,72 @@ def test_counts_are_never_lost(served):
         board.cycle.run()
     assert moved > 0
     assert encoder.count - start == moved
+
+
+def configuration(board, card, server):
+    """Registers that are written once: an encoder filter, a divider, directions of pins."""
+    encoders = board.module(Gtag.MUXED_ENCODER)
+    ioport = board.module(Gtag.IOPORT)
+    addresses = [
+        encoders.register_address(Encoder.filter_rate.number),
+        encoders.register_address(Encoder.timestamp_divider.number),
+        ioport.register_address(Ioport.ddr.number, 0),
+        ioport.register_address(Ioport.alt_source.number, 0),
+    ]
+    with server.card.hold():
+        words = {address: card.read(address) for address in addresses}
+    return {address: word for address, word in words.items() if word != UNDRIVEN}  # what can be read
+
+
+def forget(card, server, addresses):
+    """What a card does whose power went: its configuration is not what it was."""
+    with server.card.hold():
+        for address in addresses:
+            card.write(address, 0)
+
+
+def exchange_until_given_up(driver):
+    for _ in range(20):
+        with contextlib.suppress(errors.TransportTimeout):
+            driver.exchange()
+
+
+@pytest.mark.parametrize("bites", [True, False])
+def test_a_link_given_up_is_used_again_with_everything_configured_anew_and_outputs_off(bites):
+    with (
+        EmulatedBoard("7i92+7i77", clock="real") as card,
+        EthernetServer(card) as server,
+        hostmot2.open(f"{server.url}?retry_ms=3&error_limit=2") as board,
+    ):
+        board.cycle.automatic_watchdog = bites
+        driver = board.card("7i77")
+        board.encoders.modules[0].filter_rate = 2e6
+        driver.start()
+        driver.analog[0].volts, driver.analog_enable = 3.0, True
+        driver.exchange()
+        before = configuration(board, card, server)
+        assert len(before) >= 2
+        assert all(before.values())
+
+        server.set_fault("loss=100%")
+        with pytest.raises(errors.LinkFailed):
+            exchange_until_given_up(driver)
+        with pytest.raises(errors.TransportError):
+            board.recover()  # the cause is not gone
+        forget(card, server, before)
+        server.set_fault("")
+        with pytest.raises(errors.LinkFailed):
+            driver.exchange()  # and nothing goes on by itself
+        board.recover()
+
+        assert configuration(board, card, server) == before
+        assert not board.watchdog.armed
+        assert not driver.started
+        with server.card.hold():
+            assert card.sserial[0].remote(1).get("analogena") == 0
+        driver.start()
+        assert driver.analog[0].volts == 0.0
+        driver.analog[0].volts, driver.analog_enable = 2.0, True
+        driver.exchange()
+        with server.card.hold():
+            assert card.sserial[0].remote(1).get("analogena") == 1

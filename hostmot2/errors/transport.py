@@ -46,8 +46,8 @@ class LinkFailed(TransportError):
     )
     fix = (
         "Check cable and network (`hm2 doctor URL`); the card's watchdog has switched its outputs "
-        "off. Open the "
-        "board again, or clear the link's error level and write the configuration anew."
+        "off. Then call the board's `recover()`, which writes the configuration anew, or open the "
+        "board again."
     )
 
 

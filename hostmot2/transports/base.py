@@ -13,8 +13,9 @@ class Transport:
 
     bus: `hm2_bus *`, taken over by the board. url: as the user wrote it, for messages. model: the board's
     name as the transport knows it ("5I25", "7I80HD-16"), None when only the IDROM can tell. keep: objects
-    that must live as long as the bus. virtual_time: its clock stands still unless
-    somebody waits on it. on_close: called once, after the bus is closed.
+    that must live as long as the bus. virtual_time: its clock stands still unless somebody waits on it.
+    on_close: called once, after the bus is closed. on_recover: called before a link that was given up is used
+    again.
     """
 
     bus: Any
@@ -24,3 +25,4 @@ class Transport:
     keep: tuple[object, ...] = ()
     virtual_time: bool = False
     on_close: list[Callable[[], None]] = field(default_factory=list)
+    on_recover: list[Callable[[], None]] = field(default_factory=list)

@@ -175,7 +175,14 @@ def transport_over(link: UdpLink, url: str) -> Transport:
     except BaseException:
         link.close()
         raise
-    return Transport(bus=link.bus, url=url, model=name or None, keep=(link,), on_close=[link.disown])
+    return Transport(
+        bus=link.bus,
+        url=url,
+        model=name or None,
+        keep=(link,),
+        on_close=[link.disown],
+        on_recover=[link.clear],
+    )
 
 
 def _identify(link: UdpLink) -> tuple[str, int]:
