@@ -20,6 +20,8 @@ DDR, DRIVING, OFF = 0x1100, 0x1FFFF, 0
 
 SCRIPT = """
 import os, signal, sys, threading, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # as in a terminal, whatever started the tests
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 import hostmot2
 from hostmot2 import hm2
 from hostmot2.board import SafeOff
