@@ -55,12 +55,14 @@ class Terminal:
             os.execv(sys.executable, [sys.executable, "-m", "hostmot2", *arguments])
         self.written = b""
         self._lock = threading.Lock()
+        self.listening = threading.Event()
+        self.listening.set()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
 
     def _read(self) -> None:
         with contextlib.suppress(OSError, ValueError):
-            while True:
+            while self.listening.wait():
                 if select.select([self.master], [], [], 0.1)[0]:
                     data = os.read(self.master, 65536)
                     with self._lock:
@@ -147,6 +149,14 @@ def test_every_way_out_has_its_status_and_no_traceback(card: Card, way: str) -> 
     leave(terminal)
     assert terminal.ended() == status
     assert b"Traceback" not in terminal.written
+
+
+def test_a_signal_ends_it_though_the_terminal_takes_nothing(card: Card) -> None:
+    terminal = started(card, "--start", "all")
+    terminal.listening.clear()
+    time.sleep(8)  # until all that lies between the view and the terminal is full
+    os.kill(terminal.pid, signal.SIGTERM)
+    assert terminal.ended() == 128 + signal.SIGTERM
 
 
 @pytest.mark.parametrize("way", ["q", "SIGTERM", "closed", "SIGKILL"])

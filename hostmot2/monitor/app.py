@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import signal
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from typing import ClassVar
@@ -32,6 +34,8 @@ GRID = (1, 3, 2, 4, 5)
 """The order in which the panels fill the two columns."""
 LINES = ("access", "status", "reply", "lost", "banner", "tabs")
 SIGNALS = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT)
+HUNG_SECONDS = 3.0
+"""A terminal that takes nothing any more (Ctrl-S, a dead connection) holds up a signal's end no longer."""
 
 
 class MonitorApp(App[int]):
@@ -67,6 +71,7 @@ class MonitorApp(App[int]):
         self.now: Snapshot = source.latest
         self.chosen = 1
         self._was_armed = False
+        self.ended = threading.Event()
         self._panels: list[Panel] = [cls(n) for n, cls in enumerate(PANELS, 1)]
         self._lines = {name: Static("", id=name, markup=False) for name in LINES}
         self._history: Sparkline = Sparkline([], id="history", summary_function=max)
@@ -314,9 +319,22 @@ class MonitorApp(App[int]):
     # -- ways out
 
     def _take_signals(self) -> None:
+        """With Python's handlers, not the loop's: the loop stands still while the terminal takes nothing."""
         loop = asyncio.get_running_loop()
+
+        def handle(number: int, frame: object) -> None:
+            threading.Thread(target=self._leave, args=(loop, 128 + number), daemon=True).start()
+
         for number in SIGNALS:
-            loop.add_signal_handler(number, self._end, 128 + number)
+            signal.signal(number, handle)
+
+    def _leave(self, loop: asyncio.AbstractEventLoop, code: int) -> None:
+        self.source.outputs.disarm()
+        if not loop.is_closed():
+            loop.call_soon_threadsafe(self.exit, code)
+        if not self.ended.wait(HUNG_SECONDS):
+            self.source.close()
+            os._exit(code)
 
     def _end(self, code: int) -> None:
         self.source.outputs.disarm()
@@ -338,6 +356,7 @@ def run(source: Source, explain: Callable[[str], str]) -> int:
     try:
         status = app.run()
     finally:
+        app.ended.set()
         source.outputs.disarm()
         for number, handler in handlers.items():
             signal.signal(number, handler)
