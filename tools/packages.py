@@ -92,7 +92,8 @@ def check_base(python: Path, extras: set[str]) -> str:
         run(hm2, *command.split(), cwd=empty)
     for extra in extras:
         for command in NEEDS[extra]:
-            said = run(hm2, *command.split(), cwd=empty, codes=(2, 3))
+            # on a terminal, which hm2 monitor asks for first
+            said = run("script", "-qec", f"{hm2} {command}", "/dev/null", cwd=empty, codes=(2, 3))
             if f"hostmot2[{extra}]" not in said:
                 raise Wrong(f"hm2 {command} does not name the extra {extra}:\n{said}")
     return f"base of {len(names)} packages"
