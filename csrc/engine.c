@@ -181,6 +181,7 @@ static void *run(void *argument)
 	struct hm2_engine *engine = launch->engine;
 	ask_for_real_time(engine);
 	touch_stack();
+	engine->due_ns = engine_now_ns(engine) + engine->config.period_ns; /* locking memory may have taken many */
 	sem_post(&launch->ready); /* launch is gone from here on */
 	while (!atomic_load(&engine->stopping))
 		one_cycle(engine);

@@ -23,6 +23,7 @@ SAYS = {
     "seven_i77.py": "axis 0 at",
     "doit_benchmark.py": "2000 exchanges",
     "closed_loop.py": "turns, highest",
+    "record_closed_loop.py": " 0 dropped",
     "record_and_read.py": "drawn in run.png",
     "parameter_backup.py": "now 100; put back",
     "torque_8i20.py": "turns/s",
