@@ -2,8 +2,9 @@
 
     python examples/record_closed_loop.py [--seconds 60] [-o run.mcap] [--plot run.png]
 
-The loop runs in the engine's thread at 1 kHz: encoder in, PID with feed-forward, analog volts out. Python moves
-the command; when it is late, the loop holds the last one. The motor is the emulator's (5I25 with a 7I77, axis 0).
+The loop runs in the engine's thread at 1 kHz: encoder in, PID with feed-forward, analog volts out. Python
+moves the command; when it is late, the loop holds the last one. The motor is the emulator's (5I25 with a 7I77,
+axis 0).
 """
 
 import argparse
@@ -70,8 +71,8 @@ def main() -> None:
     error = abs(found["x.position"] - found["encoder0.position"])
     recording.plot(found, options.plot, COLUMNS)
     print(
-        f"{len(found.records)} cycles, {found.dropped} dropped, {len(found.gaps)} gaps; following error at most "
-        f"{error.max():.3f} turns; drawn to {options.plot}"
+        f"{len(found.records)} cycles, {found.dropped} dropped, {len(found.gaps)} gaps; "
+        f"following error at most {error.max():.3f} turns; drawn to {options.plot}"
     )
 
 
