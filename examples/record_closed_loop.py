@@ -3,8 +3,7 @@
     python examples/record_closed_loop.py [--seconds 60] [-o run.mcap] [--plot run.png]
 
 The loop runs in the engine's thread at 1 kHz: encoder in, PID with feed-forward, analog volts out. Python
-moves the command; when it is late, the loop holds the last one. The motor is the emulator's (5I25 with a 7I77,
-axis 0).
+moves the command; when it is late, the loop holds the last one. The motor is the emulator's, on axis 0.
 """
 
 import argparse
