@@ -243,7 +243,9 @@ class Board:
                 self._close_bus()
             except BaseException:  # Ctrl-C between two actions: each may be done twice, none may be left out
                 self._closing = False
-                if not self._closed:
+                if self._closed:
+                    self._close_bus()
+                else:
                     self.close()
                 raise
         exits.forget(self)
@@ -268,10 +270,11 @@ class Board:
         return failed
 
     def _close_bus(self) -> None:
+        """Each part of it may be done twice: what is closed stays closed."""
+        self._closed = True
         lib.hm2_board_close(self._handle)
         while self._transport.on_close:
             self._transport.on_close.pop(0)()
-        self._closed = True
 
     def __del__(self) -> None:
         if not getattr(self, "_closed", True):
