@@ -18,7 +18,8 @@ PAGE = FOLDER.parent / "promises.md"
 
 SOURCES = {
     "faults": "python -m tests.faults --most 8 --pairs 400 -o docs/reference/promises/faults.json",
-    "interrupts": "python -m tests.faults.interrupts --count 1000 -o docs/reference/promises/interrupts.json",
+    "interrupts": "python -m tests.faults.interrupts --count 10000 "
+    "-o docs/reference/promises/interrupts.json",
     "kills": "python -m tests.faults.kills -o docs/reference/promises/kills.json",
     "soak": "python -m tests.faults.soak --seconds 600 --real-time -o docs/reference/promises/soak.json",
 }

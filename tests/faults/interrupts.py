@@ -16,7 +16,7 @@ import time
 import warnings
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -172,7 +172,8 @@ def main() -> int:
     for text, number in Counter(result.wrong).most_common(20):
         print(number, text)
     if arguments.output:
-        figures: dict[str, Any] = {**asdict(result), "wrong": len(result.wrong)}
+        places = dict(result.places.most_common())
+        figures: dict[str, Any] = {**vars(result), "places": places, "wrong": len(result.wrong)}
         arguments.output.write_text(json.dumps(figures))
     return 1 if result.wrong else 0
 
