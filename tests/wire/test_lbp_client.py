@@ -249,3 +249,30 @@ def test_process_data_with_a_surplus_byte_is_no_answer(remote: LbpRemote, emulat
     emulator.inject(extra=1)
     with pytest.raises(WrongAnswer, match="more than"):
         remote.process_data(b"abcdef", 9)
+
+
+class Cut(Recorder):
+    """Loses the last byte of the next answer."""
+
+    cut = False
+
+    def send(self, data: bytes) -> None:
+        super().send(data)
+        if self.cut:
+            self._waiting, self.cut = self._waiting[:-1], False
+
+
+@pytest.mark.parametrize("crc", [True, False])
+def test_a_short_answer_is_none(crc: bool) -> None:
+    """Without a CRC its length is all that tells."""
+    drive = emulated("8i20")
+    drive.crc = crc
+    line = Cut(drive)
+    link = WireLink(line)
+    link.open()
+    assert link.crc is crc
+    line.cut = True
+    with pytest.raises(WrongAnswer, match="of [23] bytes"):
+        link.transact(frame.read(0x0874, 2))
+    assert link.counters.short == 1
+    assert len(link.transact(frame.read(0x0874, 2))) == 2
