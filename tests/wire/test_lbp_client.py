@@ -272,7 +272,7 @@ def test_a_short_answer_is_none(crc: bool) -> None:
     link.open()
     assert link.crc is crc
     line.cut = True
-    with pytest.raises(WrongAnswer, match="of [23] bytes"):
+    with pytest.raises(WrongAnswer, match=r"of [23] bytes"):
         link.transact(frame.read(0x0874, 2))
     assert link.counters.short == 1
     assert len(link.transact(frame.read(0x0874, 2))) == 2
