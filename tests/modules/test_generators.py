@@ -1,4 +1,4 @@
-"""Step and PWM generators and the DPLL: what settings put into the registers (fact sheet registers 2.7 to 2.9)."""
+"""Step and PWM generators, DPLL: what settings put into the registers (fact sheet registers 2.7 to 2.9)."""
 
 from __future__ import annotations
 
