@@ -79,7 +79,8 @@ def run(count: int | None = None, url: str | None = None) -> Report:
             timings[_name(card, mask)].ns,
             GOAL_NS,
             at_least=False,
-            why="the call itself takes a microsecond, half of it the interpreter's; few channels share it",
+            why="of a call's 1.1 us the emulated firmware takes 45 %, the interpreter 35 %, the clock 6 %; "
+            "two channels share what four share elsewhere",
         )
         for card, mask in CARDS
         if mask != 0x01  # a single channel bears the whole call
