@@ -15,7 +15,7 @@ import sys
 import sysconfig
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +34,13 @@ SANITIZER_REPORT = re.compile(r"^.*(runtime error:|ERROR: \w+Sanitizer)(.*\n){0,
 
 class Failed(Exception):
     """A step found something; the text is its output."""
+
+
+class Repeat(Exception):
+    """A step failed as it may on a busy machine: `again` does that part anew, when nothing else runs."""
+
+    def __init__(self, again: Callable[[], str]) -> None:
+        self.again = again
 
 
 class Skipped(Exception):
@@ -148,17 +155,21 @@ def tests_sanitized() -> str:
     try:
         return last_line(run(*command, *options, *apart, "--capture=sys", env=env, cwd=BUILD))
     except Failed as first:
-        return repeat_alone(first, [*command, *options[:-1], "--capture=sys"], env)
+        raise repeat_alone(first, [*command, *options[:-1], "--capture=sys"], env) from first
 
 
-def repeat_alone(first: Failed, command: list[str], env: dict[str, str]) -> str:
+def repeat_alone(first: Failed, command: list[str], env: dict[str, str]) -> Repeat:
     """Once more what failed, alone: real-time tests can be hit by a stall, a finding comes back."""
     names = re.findall(r"^FAILED (\S+?)(?: - .*)?$", str(first), re.MULTILINE)
     if not names or SANITIZER_REPORT.search(str(first)):
         raise first
     tests = [str(ROOT / "tests" / name.split("tests/", 1)[-1]) for name in names]
-    output = run(*command, *tests, env=env, cwd=BUILD)
-    return f"{last_line(output)} (REPEATED after a failure: {', '.join(names)})"
+
+    def again() -> str:
+        output = run(*command, *tests, env=env, cwd=BUILD)
+        return f"{last_line(output)} (REPEATED after a failure: {', '.join(names)})"
+
+    return Repeat(again)
 
 
 @step
@@ -168,7 +179,7 @@ def tests_slow() -> str:
     try:
         return last_line(run(*command, "-n", "2", codes=(0, 5)))
     except Failed as first:
-        return repeat_alone(first, command, {})
+        raise repeat_alone(first, command, {}) from first
 
 
 @step
@@ -351,21 +362,38 @@ class Outcome:
     """How a step ended."""
 
     name: str
-    verdict: str  # ok, FAILED, SKIPPED
+    verdict: str  # ok, FAILED, SKIPPED, REPEAT
     text: str
     seconds: float
+    again: Callable[[], str] | None = None
 
 
-def perform(name: str) -> Outcome:
-    """Runs one step."""
+def perform(name: str, call: Callable[[], str]) -> Outcome:
+    """Runs one step, or the part of it that is repeated."""
     start = time.monotonic()
+    again = None
     try:
-        verdict, text = "ok", STEPS[name]()
+        verdict, text = "ok", call()
     except Skipped as reason:
         verdict, text = "SKIPPED", str(reason)
+    except Repeat as repeat:
+        verdict, text, again = "REPEAT", "", repeat.again
     except Failed as failure:
         verdict, text = "FAILED", str(failure)
-    return Outcome(name, verdict, text, time.monotonic() - start)
+    return Outcome(name, verdict, text, time.monotonic() - start, again)
+
+
+def outcomes_of(names: list[str]) -> Iterator[Outcome]:
+    """Two steps at a time; then, one after the other, what is repeated."""
+    later = []
+    with ThreadPoolExecutor(2) as pool:
+        for future in as_completed([pool.submit(perform, name, STEPS[name]) for name in names]):
+            yield future.result()
+            if future.result().again:
+                later.append(future.result())
+    for outcome in later:
+        assert outcome.again
+        yield perform(outcome.name, outcome.again)
 
 
 def main() -> int:
@@ -381,12 +409,10 @@ def main() -> int:
     if unknown:
         parser.error(f"unknown step: {', '.join(sorted(unknown))}")
     outcomes = []
-    with ThreadPoolExecutor(2) as pool:
-        for future in as_completed([pool.submit(perform, name) for name in arguments.step or STEPS]):
-            outcome = future.result()
-            outcomes.append(outcome)
-            text = outcome.text if outcome.verdict == "ok" else ""
-            print(f"{outcome.verdict:<8} {outcome.name:<18} {outcome.seconds:6.1f} s  {text}", flush=True)
+    for outcome in outcomes_of(arguments.step or list(STEPS)):
+        outcomes.append(outcome)
+        text = outcome.text if outcome.verdict == "ok" else ""
+        print(f"{outcome.verdict:<8} {outcome.name:<18} {outcome.seconds:6.1f} s  {text}", flush=True)
     for outcome in outcomes:
         if outcome.verdict == "FAILED":
             print(f"\n==== FAILED {outcome.name}\n{outcome.text}")
