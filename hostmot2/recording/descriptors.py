@@ -211,9 +211,12 @@ def _check(channel: ChannelText) -> None:
     addresses = (channel.status_register, *channel.registers)
     if channel.channel not in range(CHANNELS) or not all(0 <= at < 0x10000 for at in addresses):
         raise ValueError(f"channel {channel.channel} at registers {addresses}")
+    widths: dict[str, int] = {}  # elements are found by their names, in any capitals
     for field in channel.fields:
         if not all(0 <= mask < 1 << field.bits for mask in (field.input_invert, field.output_invert)):
             raise ValueError(f"{field.name} has {field.bits} bits, its inversion does not fit")
+        if widths.setdefault(field.name.casefold(), field.bits) != field.bits:
+            raise ValueError(f"two elements are called {field.name}")
 
 
 def _decode(port: PortText, channel: ChannelText, source: Words, direction: Direction) -> Columns:
