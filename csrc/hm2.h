@@ -691,7 +691,8 @@ enum hm2_broken_idrom {
 	HM2_BROKEN_MODULE_CLOCK_TAG,
 	HM2_BROKEN_MODULE_STRIDE_SELECT,
 	HM2_BROKEN_MODULE_STRIDE_ZERO,  /* address: of the stride in the header */
-	HM2_BROKEN_MODULE_RANGE,        /* received: the highest register address, or an unaligned base */
+	HM2_BROKEN_MODULE_RANGE,        /* received: the highest register address */
+	HM2_BROKEN_MODULE_ALIGNMENT,    /* received: the base or stride that is not of whole words */
 	HM2_BROKEN_IOPORT_MISSING,
 	HM2_BROKEN_IOPORT_COUNT,
 	HM2_BROKEN_MODULE_DUPLICATE,    /* expected: index of the first */

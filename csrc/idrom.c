@@ -186,6 +186,17 @@ static int check_strides(const hm2_idrom *idrom, const hm2_module_descriptor *mo
 	return HM2_OK;
 }
 
+/* Every register of every instance must be a word. */
+static int check_alignment(const hm2_module_descriptor *module, int32_t index, hm2_error *error)
+{
+	const uint32_t places[] = {module->base, module->register_stride, module->instance_stride};
+	for (size_t i = 0; i < sizeof places / sizeof *places; i++)
+		if (places[i] % 4)
+			return hm2_idrom_finding(error, HM2_BROKEN_MODULE_ALIGNMENT, module->address,
+			                         (hm2_idrom_evidence){index, 4, places[i]});
+	return HM2_OK;
+}
+
 static int check_range(const hm2_module_descriptor *module, int32_t index, hm2_error *error)
 {
 	if (module->registers == 0)
@@ -193,8 +204,8 @@ static int check_range(const hm2_module_descriptor *module, int32_t index, hm2_e
 	uint64_t highest = module->base + (uint64_t)(module->registers - 1) * module->register_stride;
 	if (module->multiple && module->instances)
 		highest += (uint64_t)(module->instances - 1) * module->instance_stride;
-	if (highest <= HM2_ADDRESS_SPACE - 4 && module->base % 4 == 0)
-		return HM2_OK;
+	if (highest <= HM2_ADDRESS_SPACE - 4)
+		return check_alignment(module, index, error);
 	const uint32_t received = highest > UINT32_MAX ? UINT32_MAX : (uint32_t)highest;
 	return hm2_idrom_finding(error, HM2_BROKEN_MODULE_RANGE, module->address,
 	                         (hm2_idrom_evidence){index, HM2_ADDRESS_SPACE - 4, received});

@@ -185,8 +185,9 @@ int hm2_sserial_read_remote(struct hm2_sserial *port, uint32_t channel, uint32_t
 		return status;
 	status = access_in_space(port, channel, space, HM2_LBP_COMMAND_READ_BYTE | (uint32_t)size_code(size), address,
 	                         &read, error);
+	/* the firmware leaves what it had before in the bytes above */
 	if (status == HM2_OK)
-		*value = read;
+		*value = size < 8 ? read & (((uint64_t)1 << 8 * size) - 1) : read;
 	return status;
 }
 

@@ -226,6 +226,7 @@ _BROKEN: dict[int, type[errors.IdromError]] = {
     lib.HM2_BROKEN_MODULE_STRIDE_SELECT: errors.WrongStrideSelect,
     lib.HM2_BROKEN_MODULE_STRIDE_ZERO: errors.ZeroStride,
     lib.HM2_BROKEN_MODULE_RANGE: errors.ModuleOutOfRange,
+    lib.HM2_BROKEN_MODULE_ALIGNMENT: errors.UnalignedModule,
     lib.HM2_BROKEN_IOPORT_MISSING: errors.IoportMissing,
     lib.HM2_BROKEN_IOPORT_COUNT: errors.WrongIoportCount,
     lib.HM2_BROKEN_MODULE_DUPLICATE: errors.DuplicateModule,

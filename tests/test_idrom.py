@@ -266,8 +266,14 @@ def test_instances_beyond_the_register_file_have_their_own_error() -> None:
 
 
 def test_a_base_between_words_has_its_own_error() -> None:
-    error = broken(good((0x0101017F, 0x00011002, 0x01)), errors.ModuleOutOfRange)
+    error = broken(good((0x0101017F, 0x00011002, 0x01)), errors.UnalignedModule)
     assert error.received == 0x1002
+
+
+@pytest.mark.parametrize("stride", ["register_stride_0", "instance_stride_0"])
+def test_a_stride_between_words_has_its_own_error(stride: str) -> None:
+    error = broken(good(**{stride: 6}), errors.UnalignedModule)
+    assert (error.index, error.expected, error.received) == (0, 4, 6)
 
 
 def test_an_ioport_count_other_than_the_headers_has_its_own_error() -> None:

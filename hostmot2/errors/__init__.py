@@ -48,6 +48,7 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |         +-- WrongStrideSelect
      |         +-- ZeroStride
      |         +-- ModuleOutOfRange
+     |         +-- UnalignedModule
      |         +-- IoportMissing
      |         +-- WrongIoportCount
      |         +-- DuplicateModule
@@ -98,6 +99,7 @@ from hostmot2.errors.idrom import (
     ModuleOutOfRange,
     PinListTooShort,
     PinOutOfRange,
+    UnalignedModule,
     UnsupportedModule,
     WrongClockTag,
     WrongConfigName,
@@ -179,6 +181,7 @@ __all__ = [
     "TransportClosed",
     "TransportError",
     "TransportTimeout",
+    "UnalignedModule",
     "UnsupportedFirmware",
     "UnsupportedModule",
     "WatchdogBite",

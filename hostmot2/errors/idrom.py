@@ -242,7 +242,7 @@ class ZeroStride(IdromError):
 
 
 class ModuleOutOfRange(IdromError):
-    """A module's registers reach beyond the 64 KiB register file or are not word aligned."""
+    """A module's registers reach beyond the 64 KiB register file."""
 
     code = "HM2-E072"
     text = (
@@ -250,6 +250,18 @@ class ModuleOutOfRange(IdromError):
         "highest is 0x{expected:X}"
     )
     causes = ("a hand-made bitfile with more instances than its address space holds",)
+    fix = _LOAD
+
+
+class UnalignedModule(IdromError):
+    """A module's base address or a stride it selects is no multiple of 4: its registers lie between words."""
+
+    code = "HM2-E079"
+    text = (
+        "module descriptor {index} at 0x{address:04X}: a base or stride of 0x{received:X}, which is no "
+        "multiple of {expected}"
+    )
+    causes = ("a hand-made bitfile whose strides count in bytes or instances",)
     fix = _LOAD
 
 

@@ -273,8 +273,27 @@ static void test_interface_data_is_zeroed_before_a_start(void)
 	mailbox_free(&box);
 }
 
+/* The registers keep, above the bytes of an answer, what an earlier and longer one left there. */
+static void test_a_remotes_value_is_as_wide_as_was_asked_for(void)
+{
+	static const uint64_t expected[][2] = {
+		{1, 0x44}, {2, 0x3344}, {4, 0x11223344}, {8, 0x5566778811223344}};
+	mailbox_open(&box);
+	CHECK_EQUAL(hm2_sserial_start(box.port, 1, HM2_SSERIAL_SETUP, &box.error), 0);
+	box.words[USER0 / 4] = 0x11223344;
+	box.words[(USER0 + 0x100) / 4] = 0x55667788;
+	for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
+		uint64_t value = 0;
+		const uint32_t size = (uint32_t)expected[i][0];
+		CHECK_EQUAL(hm2_sserial_read_remote(box.port, 0, 0, 0x100, size, &value, &box.error), HM2_OK);
+		CHECK(value == expected[i][1]);
+	}
+	mailbox_free(&box);
+}
+
 int main(void)
 {
+	test_a_remotes_value_is_as_wide_as_was_asked_for();
 	test_a_doit_names_the_channels_that_were_asked_for();
 	test_interface_data_is_zeroed_before_a_start();
 	test_a_hung_doit_is_aborted_and_everything_stopped();

@@ -14,7 +14,7 @@ from faults.layers import ANSWERS, LAYERS, Variant
 from faults.operations import OPERATIONS, Operation, Wrong
 from faults.runs import Case, Outcome, Place, count_steps, run
 
-LEAK_RUNS = 60
+LEAK_RUNS = 10
 """So many runs of one kind show what each of them leaves behind."""
 
 
