@@ -18,6 +18,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 
 import prove
@@ -216,6 +217,18 @@ def fuzz_python() -> str:
             raise Skipped(f"atheris cannot be installed for this Python: {str(problem)[-300:]}") from None
     output = run(PYTHON, "tests/fuzz/run.py", "--all", str(FUZZ_PYTHON_SECONDS))
     return f"{FUZZ_PYTHON_SECONDS} s each: " + ", ".join(output.splitlines())
+
+
+@step
+def numba() -> str:
+    """Controllers compiled by numba, where there is one for this Python and this numpy."""
+    if subprocess.run([PYTHON, "-c", "import numba"], capture_output=True, check=False).returncode:
+        here = f"numpy=={version('numpy')}"  # what the other tests have stays as it is
+        try:
+            run(PYTHON, "-m", "pip", "install", "-q", here, "--group", f"{ROOT}/pyproject.toml:numba")
+        except Failed as problem:
+            raise Skipped(f"numba cannot be installed for this Python: {str(problem)[-300:]}") from None
+    return last_line(run(PYTHON, "-m", "pytest", "-q", "tests/test_engine_controller.py", "-k", "numba"))
 
 
 @step

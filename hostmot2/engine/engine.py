@@ -18,6 +18,7 @@ from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
 from hostmot2.engine import signals as signal
 from hostmot2.engine.axis import Axis, pid_of
+from hostmot2.engine.control import Controls
 from hostmot2.engine.facts import EngineStatus, Event, Off, event_of, status_of
 from hostmot2.engine.frame import Frame
 from hostmot2.engine.lend import lend
@@ -83,7 +84,7 @@ class Engine:
         self._ports = [signal.PortData(p) for p in self._running_ports()]
         self._collect()
         self._axes: list[tuple[Axis, tuple[str, str, str | None, str]]] = []
-        self._controls: list[tuple[Any, Any]] = []
+        self._controls = Controls()
         self._ring: RecordRing | None = None
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._started = False
@@ -148,17 +149,24 @@ class Engine:
         self._name()
 
     def add_control(self, function: Any, context: Any = None) -> None:
-        """Run a compiled function in every cycle, between inputs and outputs. Before start().
+        """Run a compiled function in every cycle, in the engine's thread, between inputs and outputs.
 
         function: `void f(void *context, const double *inputs, double *outputs, double seconds, int enabled)`,
-        as its address (numba: `cfunc.address`) or as a pointer of cffi. outputs holds what was written last;
-        what the function leaves there goes out. It must neither block nor call Python.
+        as its address, an object with an `address` (numba's cfunc) or a pointer of cffi. inputs, outputs:
+        numbers in the order of `input_names` and `outputs`; outputs holds what was written last, and what the
+        function leaves there goes out. seconds: since it ran last. enabled 0: outputs are off, and nothing of
+        it goes out. It is left out in cycles whose inputs could not be read. context: None, an address, a
+        pointer of cffi or a writable array.
+
+        Functions run one after the other, then the axes. They must neither block nor call Python. An output
+        that is not a finite number turns outputs off (Off.CONTROL). Function and context are kept for as long
+        as the engine; behind plain addresses the caller has to keep them.
+
+        Before start(), else EngineError. Raises TypeError for what is no such function or context, ValueError
+        for address 0 and for more than 8 functions.
         """
         self._before_start()
-        pointer = ffi.cast("hm2_control", function)
-        if not pointer:
-            raise ValueError("a controller at address 0")
-        self._controls.append((pointer, ffi.NULL if context is None else ffi.cast("void *", context)))
+        self._controls.add(function, context)
 
     def add_pid(
         self,
@@ -274,7 +282,7 @@ class Engine:
         self.handle, self._kept = own(handle[0], lib.hm2_engine_free)
         for port in self._ports:
             check(lib.hm2_engine_add_port(self.handle, port.port._core.handle, self._error), self._error)
-        for control in self._controls:
+        for control in self._controls.pointers:
             check(lib.hm2_engine_add_control(self.handle, *control, self._error), self._error)
         for axis, names in self._axes:
             self._build_axis(axis, *names)
