@@ -48,10 +48,6 @@ void engine_judge_exchange(struct hm2_engine *engine, int status)
 		engine_event(engine, HM2_EVENT_RECOVERED, -1, 0, now->stale, NULL);
 		now->stale = 0;
 	}
-	if (engine->config.stale_limit && now->stale >= engine->config.stale_limit)
-		engine_off(engine, HM2_OFF_STALE);
-	if (hm2_board_gate_is_shut(engine->board))
-		engine_off(engine, HM2_OFF_BITE);
 }
 
 static void give_up(struct hm2_engine *engine, uint32_t number, int64_t value)

@@ -1,7 +1,7 @@
 """Makes the mistakes of tools/mutants.toml one at a time in a copy of the tree, and runs the tests on each.
 
-python tools/mutants.py [--only TEXT] [--again] [--list]    run those not run since they or the tests changed
-python tools/mutants.py --report                            write docs/reference/mutants.md from the results
+python tools/mutants.py [--only TEXT]... [--again] [--list]    run those not caught yet
+python tools/mutants.py --report                               write docs/reference/mutants.md from them
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ TREE = PLACE / "tree"
 RESULTS = PLACE / "results.json"
 REPORT = ROOT / "docs" / "reference" / "mutants.md"
 FLAGS = ("-std=c11", "-O1", "-g", "-D_GNU_SOURCE", "-pthread", "-fPIC", "-w", "-Icsrc")
-CAUGHT, SURVIVED = "caught", "SURVIVED"
+CAUGHT, SURVIVED, NOT_RUN = "caught", "SURVIVED", "not run"
+ROW = re.compile(r"^\| (.* \| `[^`]+`) \| (.*) \|$", re.MULTILINE)
 # a busy machine fails these, too: what only they notice is not noticed
 REAL_TIME = (
     "test_exits.py",
@@ -189,12 +190,13 @@ def results() -> dict[str, Any]:
     return loaded
 
 
-def chosen(mutants: list[Mutant], only: str, again: bool) -> Iterator[Mutant]:
-    """Those to be run now: not caught yet, or all again."""
+def chosen(mutants: list[Mutant], only: list[str], again: bool) -> Iterator[Mutant]:
+    """Those to be run now: not caught yet, or all again; named, if any is."""
     known = results()
     for mutant in mutants:
         caught = known.get(mutant.key, {}).get("outcome") == CAUGHT
-        if only in mutant.imitates + mutant.file and (again or not caught):
+        named = not only or any(text in mutant.imitates + mutant.file for text in only)
+        if named and (again or not caught):
             yield mutant
 
 
@@ -214,21 +216,35 @@ def run_all(mutants: list[Mutant]) -> int:
     return survivors
 
 
+def written_before() -> dict[str, str]:
+    """What the page says of each mistake and its file: results of runs made elsewhere, too."""
+    found = ROW.findall(REPORT.read_text()) if REPORT.exists() else []
+    return {mistake: by for mistake, by in found if by != NOT_RUN}
+
+
+def said_of(result: dict[str, Any]) -> str:
+    """A result as the table has it."""
+    if result["outcome"] != CAUGHT:
+        return SURVIVED
+    return f"`{result['by'].removeprefix('tests/').replace('|', chr(92) + '|')}`"
+
+
 def report(mutants: list[Mutant]) -> int:
     """The table; the number of mutants that are not known to be caught."""
-    known = results()
+    known, before = results(), written_before()
     lines = [
         "# Mutants", "",
         "Written by `python tools/mutants.py --report` from the last run of `make mutants`: each mistake was",
-        "made alone in a copy of the tree, and the test named here was the first to notice it.", "",
+        "made alone in a copy of the tree, and the test named here was the first to notice it. A run of some",
+        "of them (`--only`) changes the rows of those alone.", "",
         "| mistake | file | noticed by |", "|---|---|---|",
     ]  # fmt: skip
     missing = 0
     for mutant in mutants:
-        result = known.get(mutant.key, {"outcome": "not run", "by": ""})
-        missing += result["outcome"] != CAUGHT
-        by = f"`{result['by'].removeprefix('tests/')}`" if result["outcome"] == CAUGHT else result["outcome"]
-        lines.append(f"| {mutant.imitates} | `{mutant.file}` | {by.replace('|', chr(92) + '|')} |")
+        mistake = f"{mutant.imitates} | `{mutant.file}`"
+        by = said_of(known[mutant.key]) if mutant.key in known else before.get(mistake, NOT_RUN)
+        missing += by in (SURVIVED, NOT_RUN)
+        lines.append(f"| {mistake} | {by} |")
     lines += ["", f"{len(mutants) - missing} of {len(mutants)} noticed."]
     REPORT.write_text("\n".join(lines) + "\n")
     return missing
@@ -237,7 +253,9 @@ def report(mutants: list[Mutant]) -> int:
 def main() -> int:
     """Runs or reports."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--only", default="", help="mutants whose mistake or file contains this")
+    parser.add_argument(
+        "--only", default=[], action="append", help="mutants whose mistake or file contains this"
+    )
     parser.add_argument("--again", action="store_true", help="also those that were caught before")
     parser.add_argument("--list", action="store_true", help="check the list and print it")
     parser.add_argument("--report", action="store_true", help=f"write {REPORT.relative_to(ROOT)}")

@@ -1,16 +1,21 @@
 """Files that end too early, or hold what no recorder writes."""
 
+import io
 import random
 import struct
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
+from mcap.records import Chunk
 from mcap.writer import Writer
 
 from hostmot2.errors import CardNotFound
@@ -109,6 +114,73 @@ def test_a_damaged_file_gives_true_records_or_a_typed_error(whole, tmp_path_fact
     assert set(run.cycle.tolist()) <= set(range(60))
 
 
+def chunk_places(whole):
+    """Where each chunk's record begins and ends."""
+    at, found = 8, []
+    while whole[at] != Opcode.DATA_END:
+        end = at + 9 + int.from_bytes(whole[at + 1 : at + 9], "little")
+        if whole[at] == Opcode.CHUNK:
+            found.append((at, end))
+        at = end
+    return found
+
+
+POSITION = struct.pack("<d", records(34, 1)["inputs"][0, 0])
+"""Where the axis is in cycle 34: only one chunk holds it."""
+
+
+def with_chunk(whole, change, crc_of=zlib.crc32):
+    """The file with the chunk of cycle 34 changed. crc_of: of the new content, None: the old CRC stays."""
+    for start, end in chunk_places(whole):
+        chunk = Chunk.read(ReadDataStream(io.BytesIO(whole[start + 9 : end])))
+        plain = zstandard.ZstdDecompressor().decompress(chunk.data)
+        if POSITION in plain:
+            break
+    changed = change(plain)
+    crc = chunk.uncompressed_crc if crc_of is None else crc_of(changed)
+    builder = RecordBuilder()
+    made = Chunk("", changed, chunk.message_start_time, chunk.message_end_time, crc, len(changed))
+    made.write(builder)
+    return whole[:start] + builder.end() + whole[end:]
+
+
+def longer_batch(plain, extra):
+    """Behind the data of the message that holds cycle 34, more bytes."""
+    end = 0
+    while end <= plain.index(POSITION):
+        at, length = end, int.from_bytes(plain[end + 1 : end + 9], "little")
+        end += 9 + length
+    longer = (length + len(extra)).to_bytes(8, "little")
+    return plain[: at + 1] + longer + plain[at + 9 : end] + extra + plain[end:]
+
+
+@pytest.mark.parametrize("size", [1, 8, records(0, 1).dtype.itemsize - 1])
+def test_a_batch_that_is_not_whole_records_is_left_out_alone(whole, tmp_path, size):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(with_chunk(whole, lambda plain: longer_batch(plain, bytes(size))))
+    run = read(path)
+    assert run.cycle.tolist() == [*range(30), *range(40, 60)]
+    assert run["enc0.position"].tobytes() == records(0, 60)["inputs"][run.cycle, 0].tobytes()
+    (said,) = run.missing
+    assert "not whole records" in said
+
+
+def test_a_chunk_with_a_bit_flipped_is_left_out_and_named(whole, tmp_path):
+    path = tmp_path / "run.mcap"
+
+    def flip(plain):
+        at = plain.index(POSITION)
+        return plain[:at] + bytes([plain[at] ^ 1]) + plain[at + 1 :]
+
+    path.write_bytes(with_chunk(whole, flip))
+    assert read(path)["enc0.position"].size == 60  # with a CRC that fits the same bytes are a recording
+    path.write_bytes(with_chunk(whole, flip, crc_of=None))
+    run = read(path)
+    assert run.cycle.tolist() == [*range(30), *range(40, 60)]
+    (said,) = run.missing
+    assert "damaged" in said
+
+
 def test_lengths_in_a_file_are_not_believed(whole, tmp_path):
     at = whole.index(bytes([Opcode.ATTACHMENT]), 8)
     path = tmp_path / "long.mcap"
@@ -118,9 +190,6 @@ def test_lengths_in_a_file_are_not_believed(whole, tmp_path):
 
 
 def test_a_chunk_that_unpacks_to_more_than_it_may_is_left_out(tmp_path):
-    import zstandard
-    from mcap.records import Chunk
-
     with (tmp_path / "bomb.mcap").open("wb") as stream:
         writer = Writer(stream)
         writer.start()

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 
 from hostmot2 import Board
+from hostmot2._core import ffi, lib
 from hostmot2.cli import main
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.control import Controls, ControlServer, ask
 from hostmot2.emulator.ethernet import EthernetServer
 from hostmot2.record_ring import RecordRing, record_dtype
 from hostmot2.recording import Recorder, Replay, Signal, Tap, attachments_of, read, remote_inputs
+from hostmot2.recording.bus import BusAround
 from hostmot2.transports.emulated import transport_of
 
 CARD = "5i25+7i77"
@@ -63,13 +65,31 @@ def disturb(card, cycle):
         field.fault = 0x08
 
 
+class Losing(BusAround):
+    """A bus whose exchanges are carried out while it is `losing`, but never answered."""
+
+    losing = False
+
+    def finish(self, deadline_ns, error):
+        status = super().finish(deadline_ns, error)
+        if not self.losing:
+            return status
+        error.status = lib.HM2_ERR_TIMEOUT
+        ffi.memmove(error.where, b"lost", 5)
+        return lib.HM2_ERR_TIMEOUT
+
+
+LOST = range(50, 53)
+
+
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """A run on an emulated card: the file, and what the program saw in each cycle."""
     path = tmp_path_factory.mktemp("replay") / "run.mcap"
     with EmulatedBoard(CARD, clock="virtual") as card:
         card.encoder_input(0).run(edge_period_ns=50_000.0, counts=100_000)
-        tap = Tap(transport_of(card))
+        line = Losing(transport_of(card))
+        tap = Tap(line.transport)
         with Board(tap.transport) as board:
             about = attachments_of(started(board))
             tap.ring = RecordRing(record_dtype(words=64, inputs=1), 1024)
@@ -84,6 +104,7 @@ def recorded(tmp_path_factory):
             seen = []
             for cycle in range(CYCLES):
                 disturb(card, cycle)
+                line.losing = cycle in LOST
                 seen.append(one_cycle(board, cycle))
                 tap.push([seen[-1]["count"]])
                 board.pause(0.001)
@@ -105,6 +126,7 @@ def test_the_run_was_worth_replaying(recorded):
     assert len({str(each["inputs"]) for each in seen}) > 40
     assert seen[-1]["count"] - seen[0]["count"] > 1000
     assert sum(bool(each["faults"]) for each in seen) >= 3
+    assert [i for i, each in enumerate(seen) if each["failed"][0] == "TransportTimeout"] == list(LOST)
 
 
 def test_the_driver_reports_the_same_values_and_faults_and_writes_the_same(recorded, replay):
