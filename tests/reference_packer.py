@@ -38,6 +38,14 @@ def portion(value, scale):
     return value / scale
 
 
+def single(value):
+    """As a 32-bit float; infinite where none is so large."""
+    try:
+        return struct.pack("<f", value)
+    except OverflowError:
+        return struct.pack("<f", math.copysign(math.inf, value))
+
+
 def write(kind, bits, value, scale, low, high):
     """The raw bits for a value in user units."""
     full = (1 << bits) - 1
@@ -45,7 +53,7 @@ def write(kind, bits, value, scale, low, high):
         return full if value else 0
     value = clamp(value, low, high)
     if kind == "FLOAT":
-        return int.from_bytes(struct.pack("<f" if bits == 32 else "<d", value), "little")
+        return int.from_bytes(single(value) if bits == 32 else struct.pack("<d", value), "little")
     if kind == "UNSIGNED":
         return min(saturate(portion(value, scale) * full, 0, full), full)
     if bits > 32:  # the same formula in 64 bits
