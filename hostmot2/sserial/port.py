@@ -141,10 +141,11 @@ class SserialPort(PortMemory):
             failed = self._start_setup(mask) if mode == "setup" else self._start_normal(mask)
             if failed:  # looking for remotes may take longer than the watchdog waits; then they are cut off
                 self._board.cycle.raise_for_bite()
+            started, repeated = mask & self.started, self._remotes.repeated
             if not failed:
-                return StartResult(mask & self.started, 0)
-            started, rows = mask & self.started, tuple(self._remotes.evidence(mask))
-            return StartResult(started, failed, rows, tuple(self._remotes.others(mask)))
+                return StartResult(started, 0, repeated=repeated)
+            rows = tuple(self._remotes.evidence(mask))
+            return StartResult(started, failed, rows, tuple(self._remotes.others(mask)), repeated)
 
     def stop(self, mask: int | None = None) -> None:
         """Zero the outputs of the channels in `mask`, send that, and stop them. None: STOP ALL.
@@ -277,8 +278,8 @@ class SserialPort(PortMemory):
 
     @property
     def transfers(self) -> dict[str, Any]:
-        """What the driver counted: doits, failed (per channel), too_soon, hung, last_doit_us."""
-        return self._core.transfers()
+        """The driver counted: doits, failed (per channel), too_soon, hung, last_doit_us, starts_repeated."""
+        return self._core.transfers() | {"starts_repeated": self._remotes.repeats}
 
     # -- what channels ask their port
 

@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hostmot2.process_data import ProcessData
-from hostmot2.registers import SslbpChannel
+from hostmot2.registers import ComState, LocalFault, SslbpChannel
 from hostmot2.remotes import builtin
 from hostmot2.remotes.discovery import ReadFailed, RemoteDescription, read_tables
 from hostmot2.sserial.core import NORMAL, SETUP, Core
@@ -44,6 +44,10 @@ class Remotes:
         self._places = places
         self.looked = 0
         """Channels that have been looked at in setup mode."""
+        self.repeated = 0
+        """Channels whose last start was done more than once, because answers were lost or damaged in it."""
+        self.repeats = 0
+        """How many starts of channels were repeated so far."""
         self.process_data: ProcessData = core.set_process_data({})
 
     def start(self, mask: int, mode: int) -> int:
@@ -53,12 +57,15 @@ class Remotes:
             usable &= ~bits(c.number for c in self._channels if c.problem is not None)
         modes = {c.number: c.mode for c in self._channels}
         failed = self._core.start(usable, mode, modes)
+        again = self._noisy(usable & ~failed) | self._unit_unheard(failed)
+        self.repeated = again
         for _ in range(CLEAN_STARTS):
-            noisy = self._noisy(usable & ~failed)
-            if not noisy:
+            if not again:
                 break
-            self._core.stop(noisy)
-            failed |= self._core.start(noisy, mode, modes)
+            self.repeats += again.bit_count()
+            self._core.stop(again)
+            failed = failed & ~again | self._core.start(again, mode, modes)
+            again = self._noisy(again & ~failed)
         return failed | mask & ~usable
 
     def _noisy(self, mask: int) -> int:
@@ -67,6 +74,19 @@ class Remotes:
         An answer that came twice is taken for the next one: unit number and name would be those of nobody.
         """
         return bits(n for n in numbers(mask) if self._core.identity(n).status.local_fault)
+
+    def _unit_unheard(self, failed: int) -> int:
+        """Channels whose start ended at the unit number: the one answer the firmware does not ask for again.
+
+        A remote is there, because its cookie and status have been heard, and nothing of it runs, so that
+        starting it once more risks nothing. Source: sserial.md 3.4.
+        """
+        found = {n: self._core.identity(n).status for n in numbers(failed)}
+        return bits(
+            n
+            for n, status in found.items()
+            if status.com_state == ComState.UNIT_NUMBER_GET and status.local_fault & LocalFault.TIMEOUT
+        )
 
     def zero(self, mask: int) -> None:
         """All outputs of the channels to 0."""

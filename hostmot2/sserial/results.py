@@ -52,12 +52,14 @@ class StartResult:
     """Masks of the channels that run, of those asked for, and of those that do not.
 
     channels: what those asked for show, if one failed; others: the rest of the port, as last seen.
+    repeated: mask of those that were started more than once, because answers got lost or damaged meanwhile.
     """
 
     started: int
     failed: int
     channels: tuple[ChannelEvidence, ...] = field(default=(), repr=False)
     others: tuple[ChannelEvidence, ...] = field(default=(), repr=False)
+    repeated: int = 0
 
     @property
     def advice(self) -> Advice:
@@ -76,6 +78,8 @@ class StartResult:
 
     def __str__(self) -> str:
         text = f"started 0x{self.started:02X}, failed 0x{self.failed:02X}"
+        if self.repeated:
+            text += f", repeated 0x{self.repeated:02X}"
         if not self.failed:
             return text
         rows = table([HEADER, *(row.row() for row in self.channels)])

@@ -12,7 +12,7 @@ from hostmot2.sserial import (
     RemoteSilent,
 )
 
-from .remotes import COMMAND, give_watchdog
+from .remotes import COMMAND, field_io, give_watchdog
 
 
 def test_a_fault_that_does_not_go_away_keeps_the_channel_stopped(hm2, field):
@@ -235,6 +235,57 @@ def test_an_answer_that_comes_twice_at_the_start_makes_no_other_remote(hm2, fiel
     (row,) = [row for row in hm2.sserial[0].scan() if row.found]
     assert (row.name, row.unit_number, row.elements) == ("7I77", 0x12000001, 2)
     assert plan
+
+
+START_ANSWERS = 17
+UNIT_NUMBER = 5
+"""Answers to a normal start; which is the unit number, behind cookie, time limit and the status (3.3)."""
+
+
+@pytest.fixture
+def beside(card, hm2, field):
+    """Another remote, on channel 1 and running; `field` is known and stopped."""
+    other = field_io(unit_number=0x12000002)
+    card.sserial[0].attach(1, other, through_pins=True)
+    hm2.sserial[0].scan()
+    hm2.sserial.start(0x02)
+    hm2.sserial.channels[1].outputs["output"] = 0x55AA
+    hm2.sserial.doit()
+    return other
+
+
+@pytest.mark.parametrize("answer", range(1, START_ANSWERS))
+def test_whichever_answer_gets_lost_in_a_start_the_remote_is_started_and_that_is_told(
+    hm2, field, beside, answer
+):
+    """The firmware itself gives up at a unit number that it does not hear (sserial.md 3.4)."""
+    plan = faults(field, (answer, lib.HM2_FAULT_LOST, 0))
+    result = hm2.sserial.start(0x01)
+    assert (result.started, result.failed, result.repeated) == (0x01, 0, 0x01)
+    assert "repeated 0x01" in str(result)
+    assert hm2.sserial.transfers["starts_repeated"] == 1
+    assert hm2.sserial[0].identity(0).unit_number == 0x12000001
+    assert hm2.sserial.started == 0x03
+    assert hm2.sserial.doit().failed == 0
+    assert (field.outputs, beside.outputs) == (bytes(2), b"\xaa\x55")
+    assert plan
+
+
+def test_a_start_that_loses_its_unit_number_twice_has_failed(hm2, field, beside):
+    plan = faults(field, (UNIT_NUMBER, lib.HM2_FAULT_LOST, 0), (2 * UNIT_NUMBER, lib.HM2_FAULT_LOST, 0))
+    result = hm2.sserial.start(0x01)
+    assert (result.failed, result.repeated, hm2.sserial.transfers["starts_repeated"]) == (0x01, 0x01, 1)
+    assert hm2.sserial.started == 0x02
+    assert "start did not end" in result.channels[0].reason or "no answer" in result.channels[0].reason
+    assert not hm2.sserial.start(0x01).failed
+    assert plan
+
+
+def test_a_start_without_trouble_and_one_without_a_remote_are_not_repeated(card, hm2, field):
+    result = hm2.sserial.start(0x03)
+    assert (result.started, result.failed, result.repeated) == (0x01, 0x02, 0)
+    assert hm2.sserial.transfers["starts_repeated"] == 0
+    assert "repeated" not in str(result)
 
 
 def test_what_arrives_damaged_at_every_start_is_not_believed(hm2, field):
