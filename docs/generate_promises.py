@@ -17,7 +17,7 @@ FOLDER = Path(__file__).resolve().parent / "reference" / "promises"
 PAGE = FOLDER.parent / "promises.md"
 
 SOURCES = {
-    "faults": "python -m tests.faults --most 8 --pairs 400 -o docs/reference/promises/faults.json",
+    "faults": "python -m tests.faults --most {most} --pairs {pairs} -o docs/reference/promises/faults.json",
     "interrupts": "python -m tests.faults.interrupts --count 10000 "
     "-o docs/reference/promises/interrupts.json",
     "kills": "python -m tests.faults.kills -o docs/reference/promises/kills.json",
@@ -36,7 +36,8 @@ FAULTS = """\
 ## Every single fault, in virtual time
 
 An operation is carried out once without faults, and its steps are counted: words moved over a bus, datagrams
-in both directions, answers of a remote to the card's firmware. Then it is carried out again and again, each
+in both directions, answers of a remote to the card's firmware or to a client behind a serial adapter, statements of
+the user's own within loops and with blocks. Then it is carried out again and again, each
 time with one fault at one of them. Each time:
 
 * it succeeds after all, or raises the error that says what happened (a class of this package below
@@ -66,9 +67,9 @@ def _faults(figures: dict[str, Any]) -> str:
     total = sum(row["runs"] for row in figures["rows"])
     wrong = sum(len(row["wrong"]) for row in figures["rows"])
     reasons = "".join(
-        f"* {layer}, {fault}: {reason}.\n"
+        f"* {layer}, {', '.join(f for f in found if found[f] == reason)}: {reason}.\n"
         for layer, found in figures["reasons"].items()
-        for fault, reason in found.items()
+        for reason in dict.fromkeys(found.values())
     )
     parts = [
         FAULTS,

@@ -7,9 +7,8 @@ import gc
 import os
 import threading
 
-from faults.layers import UserError
 from faults.operations import Wrong
-from faults.world import SILENCE_US, World
+from faults.world import SILENCE_US, UserError, World
 from hostmot2 import HostMot2Error
 
 MOST_US = 20e6

@@ -10,9 +10,12 @@ from dataclasses import dataclass, field
 from multiprocessing import get_context
 
 from faults import checks
-from faults.layers import ANSWERS, LAYERS, Variant
-from faults.operations import OPERATIONS, Operation, Wrong
+from faults.adapter import ADAPTER_OPERATIONS
+from faults.layers import ANSWERS, LAYERS, STATEMENTS, Variant
+from faults.operations import CARD_OPERATIONS, Operation, Wrong
 from faults.runs import Case, Outcome, Place, count_steps, run
+
+OPERATIONS = (*CARD_OPERATIONS, *ADAPTER_OPERATIONS)
 
 LEAK_RUNS = 10
 """So many runs of one kind show what each of them leaves behind."""
@@ -121,11 +124,8 @@ class Tally:
 def places(operation: Operation) -> Iterator[tuple[int, int]]:
     """Layers (their numbers) and remotes that the operation has steps at, as far as it is asked."""
     for number, layer in enumerate(LAYERS):
-        if layer is ANSWERS:
-            if "answers" in operation.layers:
-                yield from ((number, remote) for remote in (0, 1))
-        elif layer.world in operation.layers:
-            yield number, 0
+        if layer.asked in operation.layers:
+            yield from ((number, remote) for remote in ((0, 1) if layer is ANSWERS else (0,)))
 
 
 def groups(most: int | None = None, seed: int = 1) -> Iterator[Group]:
@@ -165,6 +165,7 @@ def carry_out(cases: Iterable[Case], totals: Iterable[int]) -> Tally:
 def pairs(count: int, seed: int = 1, piece: int = 250) -> Iterator[Pairs]:
     """About so many runs in all, the same number for each operation and place."""
     kinds = [(n, *where) for n, o in enumerate(OPERATIONS) if o.name in PAIRED for where in places(o)]
+    kinds = [kind for kind in kinds if LAYERS[kind[1]] is not STATEMENTS]  # the first one ends it
     for operation, layer, remote in kinds:
         total = count_steps(OPERATIONS[operation], Place(LAYERS[layer], remote))
         left = -(-count // len(kinds))

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from faults.world import World
 from hostmot2._core import lib
 
 NAMES = (
@@ -30,10 +29,6 @@ US = 1_000
 USER_SIGNAL = signal.SIGUSR1
 
 
-class UserError(Exception):
-    """What the user's own code raises."""
-
-
 @dataclass(frozen=True)
 class Variant:
     """One way in which a fault happens. `act` is called with the world when the step is reached."""
@@ -47,9 +42,9 @@ class Variant:
     """Nobody could tell: a value so spoilt is no value made up by the driver."""
     lasting: bool = False
     """It is still there when the operation ends."""
-    act: Callable[[World], None] | None = None
+    act: Callable[[Any], None] | None = None
 
-    def at(self, step: int, world: World) -> dict[str, Any]:
+    def at(self, step: int, world: Any) -> dict[str, Any]:
         """The fault at a step of this world, as Faults.plan() takes it."""
         plan: dict[str, Any] = {
             "step": step,
@@ -72,8 +67,10 @@ class Layer:
 
     name: str
     step: str
+    asked: str
+    """What Operation.layers calls it."""
     world: str
-    source: Callable[[World], Any]
+    source: Callable[[Any], Any]
     variants: tuple[Variant, ...]
     reasons: dict[str, str] = field(default_factory=dict)
     """Faults that make no sense here, and why."""
@@ -84,15 +81,16 @@ class Layer:
 
 
 MACHINE = (
-    Variant("absent remote", "unplugged", act=World.unplug, lasting=True),
-    Variant("remote fault", "reported", act=World.fail, lasting=True),
+    Variant("absent remote", "unplugged", act=lambda world: world.unplug(), lasting=True),
+    Variant("remote fault", "reported", act=lambda world: world.fail(), lasting=True),
 )
-BITE = Variant("watchdog bite", "", act=World.bite, lasting=True)
+BITE = Variant("watchdog bite", "", act=lambda world: world.bite(), lasting=True)
 USER = Variant("user exception", "", lib.HM2_FAULT_SIGNAL, USER_SIGNAL)
 
 WORDS = Layer(
     "register accesses",
     "a word read or written over a bus",
+    "words",
     "words",
     lambda world: world.faults,
     (
@@ -121,6 +119,7 @@ DATAGRAMS = Layer(
     "datagrams",
     "a datagram, to the card or from it",
     "datagrams",
+    "datagrams",
     lambda world: world.faults,
     (
         Variant("lost", "once", lib.HM2_FAULT_LOST),
@@ -142,6 +141,7 @@ DATAGRAMS = Layer(
 ANSWERS = Layer(
     "LBP answers",
     "an answer of a remote to the card's firmware",
+    "answers",
     "words",
     lambda world: None,  # see runs.py: each remote in turn
     (
@@ -155,10 +155,46 @@ ANSWERS = Layer(
         Variant("short", "by 1 byte", lib.HM2_FAULT_SHORT, 1),
         Variant("long", "by 1 byte", lib.HM2_FAULT_LONG, 1),
         *MACHINE,
-        Variant("stuck command", "the remote stays busy", act=World.hang, lasting=True),
+        Variant("stuck command", "the remote stays busy", act=lambda world: world.hang(), lasting=True),
         USER,
     ),
     {"watchdog bite": "the card's watchdog looks at accesses: see there"},
 )
 
-LAYERS = (WORDS, DATAGRAMS, ANSWERS)
+REPLIES = Layer(
+    "replies on a serial line",
+    "an answer of a remote to the LBP client behind a serial adapter",
+    "adapter",
+    "adapter",
+    lambda world: world.faults,
+    (
+        Variant("lost", "", lib.HM2_FAULT_LOST),
+        Variant("lost", "and all behind it", lib.HM2_FAULT_LOST, repeat=-1, lasting=True),
+        Variant("late", "by 1 ms", lib.HM2_FAULT_LATE, 1 * MS),
+        Variant("late", "by 150 ms, when nobody waits any more", lib.HM2_FAULT_LATE, 150 * MS),
+        Variant("duplicated", "", lib.HM2_FAULT_TWICE),
+        Variant("corrupted", "wrong CRC", lib.HM2_FAULT_CORRUPT),
+        Variant("corrupted", "no stop bit", lib.HM2_FAULT_BREAK),
+        Variant("short", "by 1 byte", lib.HM2_FAULT_SHORT, 1),
+        Variant("long", "by 1 byte", lib.HM2_FAULT_LONG, 1),
+        *MACHINE,
+        USER,
+    ),
+    {
+        "stuck command": "there is no card's firmware in between",
+        "watchdog bite": "there is no card in between",
+    },
+)
+
+NO_WAY = "the user's own code is on no way to the card"
+STATEMENTS = Layer(
+    "the user's statements",
+    "a statement within a loop of cycles, an engine's loop or a with block",
+    "code",
+    "words",
+    lambda world: world.statements,
+    (Variant("user exception", "raised there"),),
+    {name: NO_WAY for name in NAMES if name != "user exception"},
+)
+
+LAYERS = (WORDS, DATAGRAMS, ANSWERS, REPLIES, STATEMENTS)

@@ -54,6 +54,10 @@ class Operation(ABC):
         """What must be so when it was done and what went wrong is over. Raises Wrong."""
         return
 
+    def left(self, world: World) -> None:
+        """What must be so as soon as an exception of the user's own has left it. Raises Wrong."""
+        return
+
 
 class Open(Operation):
     """Opening reads the whole description of the card."""
@@ -115,10 +119,13 @@ class Remote(Operation):
 
     address, space, size = 0, 0, 2
 
-    def prepare(self, world: World) -> None:
+    def connect(self, world: World) -> None:
+        """The way to the remote's memory."""
         super().prepare(world)
         world.port.stop()
-        self.new = 0
+
+    def prepare(self, world: World) -> None:
+        self.connect(world)
         world.remotes[FIELD].poke(READ_ADDRESS, READ_VALUE.to_bytes(2, "little"))
         world.remotes[FIELD].poke(self.address, self.old(), space=self.space)
 
@@ -236,6 +243,7 @@ class Cycle(Running):
     """Exchanges in a loop of the user's."""
 
     name = "cycle"
+    layers = (*Operation.layers, "code")
 
     def run(self, world: World) -> Values:
         card = world.seven
@@ -244,7 +252,9 @@ class Cycle(Running):
         for number in range(1, EXCHANGES + 1):
             self.show(world, number)
             self.command(world, number)
+            world.statements.reach()
             values += self.seen(world, card.exchange().failed)
+            world.statements.reach()
             world.card.advance(200.0)
         return values
 
@@ -253,6 +263,7 @@ class EngineCycle(Running):
     """Cycles of the engine, from its start to its stop."""
 
     name = "engine"
+    layers = (*Operation.layers, "code")
 
     def run(self, world: World) -> Values:
         assert world.board is not None
@@ -263,10 +274,56 @@ class EngineCycle(Running):
                 self.show(world, number)
                 self.command(world, number)
                 engine.write()
+                world.statements.reach()
                 frame = engine.step()
+                world.statements.reach()
                 if not frame.status.stale and not frame.status.off:
                     values += self.seen(world, 0)
         return values
+
+    def left(self, world: World) -> None:
+        _all_off(world)
+
+
+class WithBlocks(Running):
+    """A whole program: a board and an engine, each in its with block."""
+
+    name = "with blocks"
+    layers = ("code",)
+
+    def prepare(self, world: World) -> None:
+        world.close()
+        world.truths = {}
+
+    def run(self, world: World) -> Values:
+        reach = world.statements.reach
+        with world.open() as board:
+            reach()
+            card = world.seven
+            reach()
+            card.start()
+            for number in range(1, EXCHANGES + 1):
+                self.show(world, number)
+                self.command(world, number)
+                reach()
+                card.exchange()
+                reach()
+            with board.engine(1000.0) as engine:
+                for number in range(1, EXCHANGES + 1):
+                    self.command(world, number)
+                    engine.write()
+                    reach()
+                    engine.step()
+            reach()
+        return []
+
+    def left(self, world: World) -> None:
+        if world.board is not None and not world.board.closed:
+            raise Wrong("the with block has been left, and the board is open")
+        world.card.advance(1.0)  # the watchdog lets go of pins within a few clocks
+        _all_off(world)
+        if any(world.driven()):
+            raise Wrong(f"the with block has been left, and pins are driven: {world.driven()}")
 
 
 class Stop(Running):
@@ -286,8 +343,7 @@ class Stop(Running):
         return []
 
     def at_once(self, world: World) -> None:
-        if any(any(outputs) for outputs in world.outputs()):
-            raise Wrong(f"stopped, and outputs are {[outputs.hex() for outputs in world.outputs()]}")
+        _all_off(world)
 
 
 class Close(Stop):
@@ -298,6 +354,11 @@ class Close(Stop):
     def run(self, world: World) -> Values:
         world.close()
         return []
+
+
+def _all_off(world: World) -> None:
+    if any(any(outputs) for outputs in world.outputs()):
+        raise Wrong(f"stopped, and outputs are {[outputs.hex() for outputs in world.outputs()]}")
 
 
 def _counts(world: World) -> int:
@@ -328,7 +389,7 @@ def _true_rows() -> list[tuple[Any, ...]]:
 
 _TRUE_ROWS = _true_rows()
 
-OPERATIONS: tuple[Operation, ...] = (
+CARD_OPERATIONS: tuple[Operation, ...] = (
     Open(),
     Discover(),
     Start(),
@@ -337,6 +398,7 @@ OPERATIONS: tuple[Operation, ...] = (
     SaveParameter(),
     Cycle(),
     EngineCycle(),
+    WithBlocks(),
     Stop(),
     Close(),
 )

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from faults import checks
-from faults.layers import ANSWERS, USER_SIGNAL, Layer, UserError, Variant
+from faults.adapter import AdapterWorld
+from faults.layers import ANSWERS, STATEMENTS, USER_SIGNAL, Layer, Variant
 from faults.operations import Operation, Wrong
-from faults.world import Faults, World
+from faults.world import UserError, World
 from hostmot2 import HostMot2Error
-from hostmot2.errors import LinkFailed
 
 STEP_FACTOR, STEP_MARGIN = 30, 1_000_000
 """Beyond so many times the steps of a run without faults the operation is taken for endless."""
@@ -26,9 +26,13 @@ class Place:
     layer: Layer
     remote: int = 0
 
-    def source(self, world: World) -> Faults:
+    def source(self, world: Any) -> Any:
         """The counter of this place in a world."""
-        return world.answers[self.remote] if self.layer is ANSWERS else world.faults
+        return world.answers[self.remote] if self.layer is ANSWERS else self.layer.source(world)
+
+    def world(self) -> Any:
+        """A new world for it."""
+        return AdapterWorld() if self.layer.world == "adapter" else World(self.layer.world)
 
     def __str__(self) -> str:
         return f"{self.layer.name} of remote {self.remote}" if self.layer is ANSWERS else self.layer.name
@@ -74,7 +78,7 @@ def user_code() -> Iterator[None]:
 
 def count_steps(operation: Operation, place: Place) -> int:
     """How many steps the operation takes when nothing goes wrong."""
-    world = World(place.layer.world)
+    world = place.world()
     operation.prepare(world)
     source = place.source(world)
     source.plan([])
@@ -89,7 +93,7 @@ def count_steps(operation: Operation, place: Place) -> int:
 def run(case: Case, usual_steps: int) -> Outcome:
     """Carry out a case."""
     outcome = Outcome(case)
-    world = World(case.place.layer.world)
+    world = case.place.world()
     try:
         case.operation.prepare(world)
         _fail_then_recover(case, world, outcome, usual_steps)
@@ -106,11 +110,11 @@ def run(case: Case, usual_steps: int) -> Outcome:
     return outcome
 
 
-def _doing(world: World) -> str:
+def _doing(world: Any) -> str:
     return getattr(world, "doing", "preparing")
 
 
-def _fail_then_recover(case: Case, world: World, outcome: Outcome, usual_steps: int) -> None:
+def _fail_then_recover(case: Case, world: Any, outcome: Outcome, usual_steps: int) -> None:
     operation = case.operation
     values, error = _attempt(case, world, outcome, usual_steps)
     if error is not None:
@@ -122,6 +126,8 @@ def _fail_then_recover(case: Case, world: World, outcome: Outcome, usual_steps: 
     if not any(variant.unseen for variant, _ in case.faults):
         operation.judge(world, values)
     operation.after(world, not outcome.error)
+    if outcome.error and case.place.layer is STATEMENTS:
+        operation.left(world)
     if not outcome.error and not any(variant.lasting for variant, _ in case.faults):
         operation.at_once(world)
     world.settle()
@@ -129,7 +135,7 @@ def _fail_then_recover(case: Case, world: World, outcome: Outcome, usual_steps: 
     if world.board is None:
         checks.off_when_closed(world)
     world.doing = "recovering"
-    recover(world)
+    world.recover()
     world.doing = "doing it again"
     operation.prepare(world)
     operation.judge(world, operation.run(world))
@@ -145,9 +151,7 @@ def _type_of(error: BaseException, faults: set[str]) -> str:
     return checks.typed(error, "" if len(faults) > 1 or "user exception" not in faults else "user exception")
 
 
-def _attempt(
-    case: Case, world: World, outcome: Outcome, usual_steps: int
-) -> tuple[Any, BaseException | None]:
+def _attempt(case: Case, world: Any, outcome: Outcome, usual_steps: int) -> tuple[Any, BaseException | None]:
     source = case.place.source(world)
     limit = usual_steps * STEP_FACTOR + STEP_MARGIN
     source.plan([variant.at(step, world) for variant, step in case.faults], limit)
@@ -164,18 +168,3 @@ def _attempt(
     if source.steps > limit:
         raise Wrong(f"no end after {source.steps} steps")
     return values, failure
-
-
-def recover(world: World) -> None:
-    """What the documentation tells a user to do when the cause is gone: acknowledge, reset, go on."""
-    board = world.board
-    if board is None or board.closed:
-        world.board = None
-        return
-    if world.link is not None and world.link.counters.failed:
-        world.link.clear()
-    board.watchdog.acknowledge()
-    world.port.reset()
-
-
-__all__ = ["Case", "LinkFailed", "Outcome", "Place", "count_steps", "recover", "run"]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from faults.enumeration import Tally, groups, run_all, tabulate
+from faults.enumeration import OPERATIONS, Tally, groups, run_all, tabulate
 from faults.layers import LAYERS, NAMES
-from faults.operations import OPERATIONS
 
 QUICK, SLOW = 1, 5
 """Steps of each kind that are tried here."""

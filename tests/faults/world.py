@@ -60,6 +60,30 @@ class Faults:
         return int(fired[0])
 
 
+class UserError(Exception):
+    """What the user's own code raises."""
+
+
+class Statements:
+    """The user's own statements, counted as they are reached. Faults: where UserError is raised."""
+
+    def __init__(self) -> None:
+        self.steps = self.fired = 0
+        self._due: set[int] = set()
+
+    def plan(self, faults: list[dict[str, Any]], limit: int = 0) -> None:
+        """Faults from now on, steps counted from 1."""
+        self.steps = self.fired = 0
+        self._due = {fault["step"] for fault in faults}
+
+    def reach(self) -> None:
+        """One more statement."""
+        self.steps += 1
+        if self.steps in self._due:
+            self.fired += 1
+            raise UserError("the user's code failed")
+
+
 class World:
     """The card and whoever drives it. `layer`: what the driver reaches it through, "words" or "datagrams"."""
 
@@ -85,6 +109,7 @@ class World:
         self.faults = self._words() if layer == "words" else self._datagrams()
         self.allowed_outputs: list[set[bytes]] = [{bytes(2)}, {bytes(10)}]
         self.truths: dict[str, list[Any]] = {}
+        self.statements = Statements()
 
     @staticmethod
     def _remote(make: Any) -> Any:
@@ -176,6 +201,7 @@ class World:
     def settle(self) -> None:
         """No more faults, remotes in good health, as after somebody has repaired what was broken."""
         self.faults.plan([])
+        self.statements.plan([])
         for faults in self.answers:
             faults.plan([])
         for remote in self.remotes:
@@ -187,6 +213,17 @@ class World:
                 remote.fault = 0
             remote.fault_clears = True
             remote.clear_flag_busy_reads = 0
+
+    def recover(self) -> None:
+        """What the documentation tells a user to do when the cause is gone: acknowledge, reset, go on."""
+        board = self.board
+        if board is None or board.closed:
+            self.board = None
+            return
+        if self.link is not None and self.link.counters.failed:
+            self.link.clear()
+        board.watchdog.acknowledge()
+        self.port.reset()
 
     # -- what can be done to it from outside
 
