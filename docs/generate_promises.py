@@ -17,7 +17,6 @@ FOLDER = Path(__file__).resolve().parent / "reference" / "promises"
 PAGE = FOLDER.parent / "promises.md"
 
 SOURCES = {
-    "faults": "python -m tests.faults --most {most} --pairs {pairs} -o docs/reference/promises/faults.json",
     "interrupts": "python -m tests.faults.interrupts --count 10000 "
     "-o docs/reference/promises/interrupts.json",
     "kills": "python -m tests.faults.kills -o docs/reference/promises/kills.json",
@@ -36,9 +35,9 @@ FAULTS = """\
 ## Every single fault, in virtual time
 
 An operation is carried out once without faults, and its steps are counted: words moved over a bus, datagrams
-in both directions, answers of a remote to the card's firmware or to a client behind a serial adapter, statements of
-the user's own within loops and with blocks. Then it is carried out again and again, each
-time with one fault at one of them. Each time:
+in both directions, answers of a remote to the card's firmware or to a client behind a serial adapter,
+statements of the user's own within loops and with blocks. Then it is carried out again and again, each time
+with one fault at one of them. Each time:
 
 * it succeeds after all, or raises the error that says what happened (a class of this package below
   `HostMot2Error`, or the user's own exception), within 20 s of the card's time;
@@ -73,9 +72,8 @@ def _faults(figures: dict[str, Any]) -> str:
     )
     parts = [
         FAULTS,
-        f"\n**{total} runs, {wrong} in which one of these did not hold.** `{SOURCES['faults']}`; without "
-        f"`--most` "
-        "every step is tried with every way of failing.\n",
+        f"\n**{total} runs, {wrong} in which one of these did not hold.** "
+        f"`{figures['command']} -o docs/reference/promises/faults.json`. {_extent(figures['steps'])}\n",
         "\nSteps, as counted, and at how many of them, evenly spread, each fault was tried:\n\n",
         _table(["operation", "steps are", "steps", "tried"], steps),
         "\nWhat came of it, all kinds of steps together:\n\n",
@@ -90,6 +88,16 @@ def _faults(figures: dict[str, Any]) -> str:
             _table(["operation", "steps are", "runs", "succeeded", "errors", "wrong"], pairs),
         ]
     return "".join(parts)
+
+
+def _extent(steps: list[dict[str, Any]]) -> str:
+    """Which steps were left out."""
+    part = [f"{row['operation']}, {row['place']}" for row in steps if row["tried"] < row["steps"]]
+    if not part:
+        return "Every step was tried with every way of failing."
+    if len(part) > len(steps) / 2:
+        return "Without `--most` every step is tried with every way of failing."
+    return f"Every step was tried with every way of failing, but for {'; '.join(part)}."
 
 
 def _by_fault(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

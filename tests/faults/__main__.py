@@ -40,6 +40,14 @@ def _figures(tally: Tally) -> dict[str, Any]:
     }
 
 
+def _command(arguments: argparse.Namespace) -> str:
+    """What makes these figures again."""
+    options = {"--most": arguments.most, "--pairs": arguments.pairs, "--only": arguments.only}
+    return " ".join(
+        ["python -m tests.faults", *(f"{name} {value}" for name, value in options.items() if value)]
+    )
+
+
 def _single(arguments: argparse.Namespace) -> dict[str, Any]:
     found = [g for g in groups(arguments.most) if arguments.only in f"{g.the_operation.name}, {g.place}"]
     steps = _steps(found)
@@ -78,7 +86,7 @@ def main() -> int:
     parser.add_argument("-o", "--output", type=Path)
     arguments = parser.parse_args()
     start = time.monotonic()
-    result = _single(arguments)
+    result = {"command": _command(arguments), **_single(arguments)}
     result["pairs"] = _pairs(arguments.pairs, arguments.workers) if arguments.pairs else []
     rows = [*result["rows"], *result["pairs"]]
     for row in rows:
