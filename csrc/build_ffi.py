@@ -1,6 +1,8 @@
 """Build hostmot2._core: hm2.h is the interface, every C file below csrc/ is the core."""
 
+import os
 import re
+import sysconfig
 from pathlib import Path
 
 from cffi import FFI
@@ -20,6 +22,16 @@ def declarations(header: str) -> str:
 def files(pattern: str) -> list[str]:
     """Files below csrc/, relative to the project as setuptools wants them."""
     return sorted(str(path.relative_to(ROOT)) for path in CSRC.rglob(pattern))
+
+
+def across_files() -> list[str]:
+    """gcc optimizes over file borders: the emulated card answers a tenth sooner.
+
+    Not for sanitizers and coverage, which look at files, nor with clang, which may lack the linker for it.
+    """
+    compiler = os.environ.get("CC") or str(sysconfig.get_config_var("CC"))
+    instrumented = re.search(r"sanitize|coverage", f"{compiler} {os.environ.get('CFLAGS')}")
+    return ["-flto=auto"] if "gcc" in compiler and not instrumented else []
 
 
 ffibuilder = FFI()
@@ -45,7 +57,8 @@ ffibuilder.set_source(
         "-Wall",
         "-Wextra",
         "-fvisibility=hidden",
+        *across_files(),
     ],
-    extra_link_args=["-pthread"],
+    extra_link_args=["-pthread", *across_files()],
     py_limited_api=True,
 )
