@@ -25,6 +25,8 @@ int card_has(const struct hm2_emulator *card, uint8_t gtag)
 
 static int fail(hm2_error *error, int status, uint32_t address, const char *where)
 {
+	if (!error)
+		return status;
 	memset(error, 0, sizeof *error);
 	error->status = status;
 	error->address = address;

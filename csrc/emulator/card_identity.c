@@ -13,12 +13,9 @@ uint32_t card_idrom_field(const struct hm2_emulator *card, uint32_t offset)
 
 static int bad(hm2_error *error, uint32_t offset, uint32_t expected, uint32_t received)
 {
-	error->status = HM2_ERR_FORMAT;
-	error->address = IDROM_OFFSET + offset;
-	error->expected = expected;
-	error->received = received;
-	error->index = -1;
-	memcpy(error->where, "emulated idrom", sizeof "emulated idrom");
+	if (error)
+		*error = (hm2_error){.status = HM2_ERR_FORMAT, .index = -1, .address = IDROM_OFFSET + offset,
+		                     .expected = expected, .received = received, .where = "emulated idrom"};
 	return HM2_ERR_FORMAT;
 }
 

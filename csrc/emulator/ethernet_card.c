@@ -82,7 +82,7 @@ static void card_reload(void *self)
 			for (uint32_t reg = HM2_IOPORT_DDR; reg <= HM2_IOPORT_OUTPUT_INVERT; reg++)
 				write_all(card, module, reg, 0);
 			write_all(card, module, HM2_IOPORT_DATA, 0);
-		} else if (module->descriptor.gtag == HM2_GTAG_SSERIAL) {
+		} else if (module->descriptor.gtag == HM2_GTAG_SSERIAL || module->descriptor.gtag == HM2_GTAG_SSERIAL_B) {
 			write_all(card, module, HM2_SSERIAL_COMMAND, HM2_SSLBP_COMMAND_STOP);
 		} else if (module->descriptor.gtag == HM2_GTAG_WATCHDOG) {
 			write_all(card, module, HM2_WATCHDOG_TIMER, HM2_WATCHDOG_TIMER_STOPPED_MASK);

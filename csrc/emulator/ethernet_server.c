@@ -29,18 +29,16 @@ struct hm2_ethernet_server {
 	fault_datagram in, out, due;
 };
 
-static int refused(hm2_error *error, const char *where)
+static int fail(hm2_error *error, int status, int os_errno, const char *where)
 {
-	const int code = errno;
-
 	if (error) {
 		memset(error, 0, sizeof *error);
-		error->status = HM2_ERR_IO;
-		error->os_errno = code;
+		error->status = status;
+		error->os_errno = os_errno;
 		error->index = -1;
 		strncpy(error->where, where, sizeof error->where - 1);
 	}
-	return HM2_ERR_IO;
+	return status;
 }
 
 static int bind_socket(struct hm2_ethernet_server *server, const char *host, uint16_t port)
@@ -68,7 +66,7 @@ int hm2_ethernet_server_open(struct hm2_ethernet *ethernet, const char *host, ui
 
 	*server = NULL;
 	if (!self)
-		return HM2_ERR_NO_MEMORY;
+		return fail(error, HM2_ERR_NO_MEMORY, 0, "ethernet server");
 	self->ethernet = ethernet;
 	self->socket = -1;
 	self->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
@@ -76,7 +74,7 @@ int hm2_ethernet_server_open(struct hm2_ethernet *ethernet, const char *host, ui
 	fault_init(&self->lines[HM2_ETHERNET_REQUESTS], 1);
 	fault_init(&self->lines[HM2_ETHERNET_REPLIES], 2);
 	if (self->wake < 0 || bind_socket(self, host, port) < 0)
-		status = refused(error, "ethernet server bind");
+		status = fail(error, HM2_ERR_IO, errno, "ethernet server bind");
 	if (status != HM2_OK) {
 		hm2_ethernet_server_free(self);
 		return status;
@@ -233,9 +231,9 @@ int hm2_ethernet_server_start(struct hm2_ethernet_server *server, uint32_t spin_
 		return HM2_OK;
 	server->spin_us = spin_us;
 	atomic_store(&server->stopping, 0);
-	errno = create_thread(server, fifo_priority, cpu);
-	if (errno)
-		return refused(error, "ethernet server thread");
+	const int problem = create_thread(server, fifo_priority, cpu);
+	if (problem)
+		return fail(error, HM2_ERR_IO, problem, "ethernet server thread");
 	server->running = 1;
 	return HM2_OK;
 }
@@ -247,8 +245,8 @@ void hm2_ethernet_server_stop(struct hm2_ethernet_server *server)
 	if (!server->running)
 		return;
 	atomic_store_explicit(&server->stopping, 1, memory_order_release);
-	if (eventfd_write(server->wake, 1) == 0)
-		pthread_join(server->thread, NULL);
+	(void)eventfd_write(server->wake, 1); /* it cannot be full: each stop empties it */
+	pthread_join(server->thread, NULL);
 	server->running = 0;
 	(void)eventfd_read(server->wake, &drained);
 }

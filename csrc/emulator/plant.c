@@ -114,14 +114,19 @@ static const struct card_module_type plant_type = {
 	.destroy = free,
 };
 
+static int fail(hm2_error *error, int status)
+{
+	if (error)
+		*error = (hm2_error){.status = status, .index = -1, .where = "plant"};
+	return status;
+}
+
 int plant_add(struct hm2_emulator *card, void (*step)(struct hm2_emulator *card, void *machine, double seconds),
               void *machine, hm2_error *error)
 {
 	struct plant *plant = calloc(1, sizeof *plant);
-	if (error)
-		*error = (hm2_error){.index = -1, .where = "plant"};
 	if (!plant)
-		return HM2_ERR_NO_MEMORY;
+		return fail(error, HM2_ERR_NO_MEMORY);
 	hm2_emulator_sync(card);
 	plant->card = card;
 	plant->step = step;
@@ -129,7 +134,8 @@ int plant_add(struct hm2_emulator *card, void (*step)(struct hm2_emulator *card,
 	plant->period = HM2_PLANT_STEP_PS / card->period_ps;
 	plant->next_clock = card->clock + plant->period;
 	const int status = card_add_part(card, &plant_type, plant);
-	if (status != HM2_OK)
-		free(plant);
-	return status;
+	if (status == HM2_OK)
+		return HM2_OK;
+	free(plant);
+	return fail(error, status);
 }
