@@ -78,7 +78,7 @@ int sserial_wait(struct hm2_sserial *port, int64_t poll_ns, hm2_error *error)
 		if (status != HM2_OK)
 			return status;
 		if (command == 0) {
-			port->busy = 0;
+			port->busy = port->hung = 0;
 			return HM2_OK;
 		}
 		if (expired)

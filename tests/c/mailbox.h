@@ -17,6 +17,8 @@ struct mailbox {
 	size_t count;
 	int (*completes)(struct mailbox *mailbox, uint32_t command);
 	int fail_next; /* this many exchanges fail */
+	int fail_writes; /* this many exchanges with a write in front fail */
+	int64_t slow_ns; /* the next exchange takes so much longer */
 	struct hm2_board *board;
 	struct hm2_sserial *port;
 	hm2_error error;
@@ -42,8 +44,10 @@ static void mailbox_write(struct mailbox *mailbox, uint32_t address, uint32_t wo
 static int mailbox_begin(void *self, const hm2_transfer *transfers, size_t count, hm2_error *error)
 {
 	struct mailbox *mailbox = self;
-	if (mailbox->fail_next) {
-		mailbox->fail_next--;
+	int *fails = transfers[0].flags & HM2_TRANSFER_WRITE && mailbox->fail_writes ? &mailbox->fail_writes
+	                                                                            : &mailbox->fail_next;
+	if (*fails) {
+		--*fails;
 		if (error)
 			error->status = HM2_ERR_IO;
 		return HM2_ERR_IO;
@@ -57,7 +61,8 @@ static int mailbox_begin(void *self, const hm2_transfer *transfers, size_t count
 				transfers[i].words[n] = mailbox->words[address / 4];
 		}
 	}
-	mailbox->now_ns += 1000;
+	mailbox->now_ns += 1000 + mailbox->slow_ns;
+	mailbox->slow_ns = 0;
 	return HM2_OK;
 }
 
@@ -76,7 +81,8 @@ static int64_t mailbox_now_ns(void *self)
 
 static void mailbox_pause_ns(void *self, int64_t ns)
 {
-	((struct mailbox *)self)->now_ns += ns;
+	if (ns > 0)
+		((struct mailbox *)self)->now_ns += ns;
 }
 
 static void mailbox_close(void *self)
