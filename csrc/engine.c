@@ -132,6 +132,7 @@ static void last_cycles(struct hm2_engine *engine)
 	for (uint32_t i = 0; i < engine->port_count; i++)
 		engine_lend_no_more(&engine->ports[i]); /* the zeroes need its DOIT */
 	for (int i = 0; i < LAST_CYCLES; i++) {
+		engine->elapsed_periods = 1; /* no controller is to divide by no time */
 		engine_prepare(engine, engine_now_ns(engine));
 		engine_cycle(engine);
 		if (engine->config.virtual_time)
