@@ -17,6 +17,8 @@ struct mailbox {
 	size_t count;
 	int (*completes)(struct mailbox *mailbox, uint32_t command);
 	int fail_next; /* this many exchanges fail */
+	int fail_at; /* the exchange of this number fails; 0: none */
+	int exchanges;
 	int fail_writes; /* this many exchanges with a write in front fail */
 	int64_t slow_ns; /* the next exchange takes so much longer */
 	struct hm2_board *board;
@@ -46,8 +48,8 @@ static int mailbox_begin(void *self, const hm2_transfer *transfers, size_t count
 	struct mailbox *mailbox = self;
 	int *fails = transfers[0].flags & HM2_TRANSFER_WRITE && mailbox->fail_writes ? &mailbox->fail_writes
 	                                                                            : &mailbox->fail_next;
-	if (*fails) {
-		--*fails;
+	if (++mailbox->exchanges == mailbox->fail_at || *fails) {
+		*fails -= *fails > 0;
 		if (error)
 			error->status = HM2_ERR_IO;
 		return HM2_ERR_IO;
