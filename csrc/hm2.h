@@ -4,6 +4,7 @@
  * Conventions
  *   word     32 bits; address = byte address in the card's 64 KiB register file
  *   returns  HM2_OK (0) or a negative hm2_status; evidence goes to the caller's hm2_error
+ *            (NULL: none is wanted)
  *   buffers  belong to the caller and always come with a size
  *   time     nanoseconds (_ns) on the bus's own clock; the emulator's engine counts picoseconds (_ps)
  *   threads  an object is used by one thread at a time; different objects are independent

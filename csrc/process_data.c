@@ -99,7 +99,7 @@ static int check_image(const hm2_image *image, hm2_error *error)
 {
 	if (image->count == 0 && image->channels == 0)
 		return HM2_OK;
-	if (image->channels < 1 || image->words_per_channel < 1 || image->words_per_channel > 0x10000)
+	if (image->channels < 1 || image->words_per_channel < 1)
 		return out_of_range(error, 0, 1, image->channels);
 	if (image->words_per_channel > 1 && image->word_stride < 1)
 		return out_of_range(error, 0, 1, image->word_stride);

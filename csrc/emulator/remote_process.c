@@ -121,12 +121,12 @@ int hm2_remote_add_element(hm2_remote *remote, uint8_t mode, uint8_t bits, uint8
 		return HM2_ERR_RANGE;
 	element.input_bit = last->input_bits;
 	element.output_bit = last->output_bits;
-	if (direction != HM2_DATA_DIRECTION_OUT)
-		last->input_bits = (uint16_t)(last->input_bits + bits);
-	if (direction != HM2_DATA_DIRECTION_IN)
-		last->output_bits = (uint16_t)(last->output_bits + bits);
-	if (last->input_bits > 8 * HM2_REMOTE_DATA_MAX || last->output_bits > 8 * HM2_REMOTE_DATA_MAX)
+	const int input_bits = last->input_bits + (direction != HM2_DATA_DIRECTION_OUT ? bits : 0);
+	const int output_bits = last->output_bits + (direction != HM2_DATA_DIRECTION_IN ? bits : 0);
+	if (input_bits > 8 * HM2_REMOTE_DATA_MAX || output_bits > 8 * HM2_REMOTE_DATA_MAX)
 		return HM2_ERR_RANGE;
+	last->input_bits = (uint16_t)input_bits;
+	last->output_bits = (uint16_t)output_bits;
 	last->both_ways |= direction == HM2_DATA_DIRECTION_BIDIRECTIONAL;
 	remote->elements[remote->element_count++] = element;
 	last->count++;
