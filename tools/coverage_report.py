@@ -126,7 +126,7 @@ def test(selected: list[str]) -> None:
     command = [sys.executable, "-P", "-m", "coverage", "run", f"--rcfile={settings}", "-m", "pytest", "-q"]
     runs = len(list(PLACE.glob("pytest/*")))
     (PLACE / "pytest").mkdir(exist_ok=True)
-    options = ["-n", "2", "-m", "not slow", f"--basetemp={PLACE}/pytest/{runs}"]
+    options = ["-n", "4", "-m", "not slow", f"--basetemp={PLACE}/pytest/{runs}"]
     env = os.environ | {"PYTHONPATH": str(TREE), "CC": f"gcc {COUNTING}"}
     done = subprocess.run([*command, *options, *selected], cwd=TREE, env=env, check=False)
     if done.returncode:
