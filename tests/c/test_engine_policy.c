@@ -128,8 +128,8 @@ static void test_a_write_that_fails_counts_as_a_failed_exchange(void)
 		rig.mailbox.fail_writes = 1;
 		CHECK_EQUAL(step(1).stale, i + 1);
 	}
-	CHECK_EQUAL(step(0).off, HM2_OFF_STALE);
-	CHECK_EQUAL(step(1).stale, 0);
+	CHECK_EQUAL(step(1).off, HM2_OFF_STALE); /* before anything more goes out */
+	CHECK_EQUAL(step(0).stale, 0);
 	CHECK_EQUAL(rig.mailbox.words[OUT / 4], 0);
 	rig.mailbox.fail_next = 1; /* the read: its write still goes out, and is not counted as well */
 	CHECK_EQUAL(step(1).failures, 3);
