@@ -230,16 +230,19 @@ class Board:
     def close(self) -> None:
         """Turn outputs off, let the transport go. Idempotent.
 
-        The first error of a safe-off action is raised after everything has been tried.
+        The first error of a safe-off action is raised after everything has been tried. In a forked child
+        nothing happens to the card, which is its parent's.
         """
+        if os.getpid() != self._owner:
+            self._close_in_child()
+            return
         with self.lock:
             if self._closed or self._closing:
                 return
             self._closing = True
             try:
                 lib.hm2_board_set_gate(self._handle, 0)  # making safe is writing, too
-                # a forked child shares the card with its parent, whose outputs it must not turn off
-                failed = self._make_safe() if os.getpid() == self._owner and not self.read_only else []
+                failed = self._make_safe() if not self.read_only else []
                 self._close_bus()
             except BaseException:  # Ctrl-C between two actions: each may be done twice, none may be left out
                 self._closing = False
@@ -253,6 +256,12 @@ class Board:
             for other in failed[1:]:
                 failed[0].add_note(f"also: {other!r}")
             raise failed[0]
+
+    def _close_in_child(self) -> None:
+        """Without the lock: whichever thread held it when the process forked is not there to give it back."""
+        if not self._closed:
+            self._close_bus()
+        exits.forget(self)
 
     def _make_safe(self) -> list[BaseException]:
         failed: list[BaseException] = []

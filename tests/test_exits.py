@@ -134,6 +134,26 @@ def test_a_forked_child_leaves_its_parents_outputs_on(card: Path) -> None:
     assert ddr(card) == OFF
 
 
+@pytest.mark.parametrize("way", ["sys.exit(0)", "board.close(); os._exit(0)"])
+def test_a_forked_child_ends_though_a_thread_of_its_parent_had_the_board(card: Path, way: str) -> None:
+    """In the child nobody gives back what that thread held."""
+    end = f"""
+def use():
+    while True:
+        board.read(0x400)
+threading.Thread(target=use, daemon=True).start()
+for _ in range(20):
+    pid = os.fork()
+    if pid == 0:
+        signal.alarm(10)  # ends one that waits for ever
+        {way}
+    if os.waitpid(pid, 0)[1]: sys.exit("a child hung")
+print(hex(board.read(0x1100)))"""
+    process = start(card, end)
+    assert process.communicate(timeout=40)[0] == b"0x1ffff\n"
+    assert ddr(card) == OFF
+
+
 def test_a_board_that_is_dropped_is_made_safe_with_a_warning(card: Path) -> None:
     board = hostmot2.open(f"pci://{card}")
     board.write(DDR, DRIVING)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -53,6 +54,7 @@ class RecordingFile:
         self._messages = Messages(inputs, outputs, unix_ns)
         self._batch = 0
         self._stream = Path(path).open("wb")  # noqa: SIM115
+        _open.add(self)
         self._writer: Any = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(library=f"hostmot2/{_version('hostmot2')} mcap/{_version('mcap')}")
         self._channels = self._register(dtype, inputs, outputs)
@@ -119,3 +121,22 @@ class RecordingFile:
     def close(self) -> None:
         """Let the file go, complete or not."""
         self._stream.close()
+
+    def disown(self) -> None:
+        """In a forked child: the file is the parent's. What is buffered here goes nowhere."""
+        if self._stream.closed:
+            return
+        nowhere = os.open(os.devnull, os.O_WRONLY | os.O_CLOEXEC)
+        os.dup2(nowhere, self._stream.fileno(), inheritable=False)
+        os.close(nowhere)
+
+
+_open: weakref.WeakSet[RecordingFile] = weakref.WeakSet()
+
+
+def _after_fork() -> None:
+    for file in list(_open):
+        file.disown()
+
+
+os.register_at_fork(after_in_child=_after_fork)

@@ -6,6 +6,7 @@ is long, records are dropped and counted.
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import deque
@@ -97,6 +98,7 @@ class Pump:
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
         self._closed = False
+        self._owner = os.getpid()
 
     def start(self) -> Self:
         """Begin. Once."""
@@ -125,10 +127,10 @@ class Pump:
     def close(self) -> None:
         """Take what is in the ring, the counters and the end to the sink. Idempotent.
 
-        Stop the producer first, else the last records may stay in the ring. Raises RecordingFailed if the
-        thread had to stop earlier.
+        Stop the producer first, else the last records may stay in the ring. In a forked child nothing
+        happens. Raises RecordingFailed if the thread had to stop earlier.
         """
-        if self._closed:
+        if self._closed or os.getpid() != self._owner:
             return
         self._closed = True
         self._stop.set()

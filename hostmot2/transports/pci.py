@@ -117,10 +117,13 @@ def _enable(card: PciCard) -> Callable[[], None]:
         raise errors.TransportError(f"{enable}: {error.strerror}", os_errno=error.errno) from error
     if not _decodes_memory(card):
         _set_command_memory(card)
-    return lambda: _disable(enable)
+    owner = os.getpid()
+    return lambda: _disable(enable, owner)
 
 
-def _disable(enable: Path) -> None:
+def _disable(enable: Path, owner: int) -> None:
+    if os.getpid() != owner:  # a forked child: the card is its parent's
+        return
     with contextlib.suppress(OSError):  # a card pulled from its slot has nothing left to switch off
         enable.write_text("0")
 

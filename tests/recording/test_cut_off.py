@@ -70,6 +70,32 @@ def test_what_was_flushed_survives_kill_9(tmp_path, seed):
     assert run.dropped == 0
 
 
+FORKING = """
+import os, sys
+from hostmot2.record_ring import RecordRing
+from hostmot2.recording import Recorder
+from recording.making import DTYPE, IMAGE, INPUTS, OUTPUTS, push_all, records
+ring = RecordRing(DTYPE, 8192)
+with Recorder(ring, sys.argv[1], INPUTS, OUTPUTS, image=IMAGE, flush_s=0.01) as recorder:
+    for first in range(0, 2000, 100):
+        push_all(ring, records(first, 100))
+        child = os.fork()
+        if child == 0:
+            sys.exit(0)
+        os.waitpid(child, 0)
+"""
+
+
+def test_a_forked_child_that_ends_writes_nothing_into_its_parents_recording(tmp_path):
+    path = tmp_path / "run.mcap"
+    environment = {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
+    command = [sys.executable, "-c", FORKING, str(path)]
+    subprocess.run(command, env=environment, cwd=ROOT, check=True, timeout=60)
+    run = read(path)
+    assert run.cycle.tolist() == list(range(2000))
+    assert not run.missing
+
+
 def described_at(whole):
     """Where the first chunk ends: it describes the records."""
     at = 8

@@ -96,6 +96,21 @@ def test_the_first_card_is_opened_and_memory_decoding_switched_on_and_off(sysfs:
     assert (directory / "resource0").read_bytes()[0x1000:0x1004] == bytes.fromhex("78563412")
 
 
+def test_a_forked_child_leaves_its_parents_card_switched_on_and_locked(sysfs: Path) -> None:
+    directory = add_device(sysfs, "0000:03:00.0", MESA_5I25)
+    with hostmot2.open(f"pci://?sysfs={sysfs}") as board:
+        child = os.fork()
+        if child == 0:
+            board.close()
+            os._exit(0)
+        assert os.waitpid(child, 0)[1] == 0
+        assert (directory / "enable").read_text() == "1"
+        assert board.read(0x100) == 0x55AACAFE
+        with pytest.raises(errors.CardBusy):
+            hostmot2.open(f"pci://?sysfs={sysfs}")
+    assert (directory / "enable").read_text() == "0"
+
+
 def test_other_bits_of_the_command_register_stay(sysfs: Path) -> None:
     directory = add_device(sysfs, "0000:03:00.0", MESA_5I25, command=0x0505)
     with hostmot2.open(f"pci://?sysfs={sysfs}"):
