@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import base64
+import inspect
 import json
 import stat
 import tomllib
@@ -13,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+from hostmot2 import live
+from hostmot2.cli.live import live as live_command
 from hostmot2.emulator import EmulatedBoard, catalog
 from hostmot2.emulator.control import Controls, ControlServer
 from hostmot2.emulator.ethernet import EthernetServer
@@ -66,6 +69,16 @@ def test_nothing_but_the_control_socket_accepts_connections_in_python() -> None:
     servers = ("http", "socketserver", "asyncio")
     found = {(where, name) for where, name in imports() if name.split(".")[0] in servers}
     assert found <= {("monitor/app.py", "asyncio")}, "the terminal's event loop, which serves nobody"
+
+
+def test_the_live_view_alone_serves_a_network_and_on_loopback_unless_told_otherwise() -> None:
+    assert {where for where, name in imports() if name.split(".")[0] in ("foxglove", "websockets")} == {
+        "live/server.py"
+    }
+    for serves in (live.serve, live.LiveView):
+        assert inspect.signature(serves).parameters["host"].default == "127.0.0.1"
+    (host,) = (option for option in live_command.params if option.name == "host")
+    assert host.default == "127.0.0.1"
 
 
 def test_the_emulated_card_is_on_loopback_unless_told_otherwise(caplog: pytest.LogCaptureFixture) -> None:
