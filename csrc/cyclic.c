@@ -42,21 +42,20 @@ static size_t encoders_reads(void *self, hm2_transfer *transfers, size_t capacit
 static size_t encoders_writes(void *self, hm2_transfer *transfers, size_t capacity)
 {
 	hm2_encoders *encoders = self;
-	size_t listed = 0;
-	for (uint32_t i = 0; i < encoders->count; i++) {
+	size_t wanted = 0, listed = 0;
+	for (uint32_t i = 0; i < encoders->count; i++)
+		wanted += encoders->encoders[i].write_control != 0;
+	for (uint32_t i = 0; i < encoders->count && wanted <= capacity; i++) {
 		hm2_encoder *encoder = &encoders->encoders[i];
 		if (!encoder->write_control)
 			continue;
-		if (listed < capacity) {
-			transfers[listed] = burst(encoders->control_address + i * encoders->instance_stride, 1,
-			                          &encoder->control_word);
-			transfers[listed].flags = HM2_TRANSFER_WRITE;
-			/* not again before a reply: behind an index nobody has seen yet it would arm for the next one */
-			encoder->write_control = 0;
-		}
-		listed++;
+		transfers[listed] = burst(encoders->control_address + i * encoders->instance_stride, 1,
+		                          &encoder->control_word);
+		transfers[listed++].flags = HM2_TRANSFER_WRITE;
+		/* not again before a reply: behind an index nobody has seen yet it would arm for the next one */
+		encoder->write_control = 0;
 	}
-	return listed;
+	return wanted;
 }
 
 static void encoders_process(void *self, int64_t now_ns)
