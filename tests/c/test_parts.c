@@ -203,6 +203,11 @@ static void test_a_resolvers_index(void)
 	CHECK_EQUAL(resolver.turns, -0x20000000);
 	hm2_resolver_update(&resolver, 0x20000000);
 	CHECK_EQUAL(resolver.zero, 0); /* not asked for */
+	resolver.valid = 0; /* a card that was away: its first reading is again no motion */
+	resolver.index_enable = 1;
+	resolver.turns = INT64_C(5) << 32;
+	hm2_resolver_update(&resolver, 0x20000000);
+	CHECK_EQUAL(resolver.index_enable, 1);
 }
 
 int main(void)
