@@ -43,7 +43,8 @@ class Board:
 
     Use it as a context manager: leaving the block, by whatever way, turns outputs off and closes the card.
     Boards still open when the interpreter exits are closed the same way, and on SIGTERM and SIGHUP unless
-    the program handles those itself (hostmot2/exits.py).
+    the program handles those itself (hostmot2/exits.py). In a forked child a board is closed from the
+    beginning, without touching the card: that is its parent's.
 
     Attributes of the card's parts (`sserial`, `encoders`, `watchdog`, ...) are made when first used; the
     table is hostmot2/parts.py.
@@ -230,11 +231,10 @@ class Board:
     def close(self) -> None:
         """Turn outputs off, let the transport go. Idempotent.
 
-        The first error of a safe-off action is raised after everything has been tried. In a forked child
-        nothing happens to the card, which is its parent's.
+        The first error of a safe-off action is raised after everything has been tried.
         """
         if os.getpid() != self._owner:
-            self._close_in_child()
+            self.disown()
             return
         with self.lock:
             if self._closed or self._closing:
@@ -257,8 +257,11 @@ class Board:
                 failed[0].add_note(f"also: {other!r}")
             raise failed[0]
 
-    def _close_in_child(self) -> None:
-        """Without the lock: whichever thread held it when the process forked is not there to give it back."""
+    def disown(self) -> None:
+        """For a forked child: the board is closed, the card left alone. Called by itself."""
+        lock: Any = self.lock
+        if not lock._is_owned():  # a thread that held it is not there to give it back
+            lock._at_fork_reinit()
         if not self._closed:
             self._close_bus()
         exits.forget(self)

@@ -2,12 +2,13 @@
 
 Interpreter exit (end of script, sys.exit, uncaught exception, Ctrl-C) closes the boards still open. So do
 SIGTERM and SIGHUP, where nobody else handles them. What cannot be seen (SIGKILL, a crash, power) is the
-watchdog's business.
+watchdog's business. A forked child has nothing to turn off: the card is its parent's, and closed to it.
 """
 
 from __future__ import annotations
 
 import atexit
+import os
 import signal
 import sys
 import threading
@@ -21,6 +22,9 @@ class Closable(Protocol):
 
     def close(self) -> None:
         """Make safe and let go."""
+
+    def disown(self) -> None:
+        """Let go without touching the card."""
 
 
 SIGNALS = (signal.SIGTERM, signal.SIGHUP)
@@ -49,6 +53,14 @@ def close_all() -> None:
             failed = failed or error
     if failed is not None:
         raise failed
+
+
+def _after_fork() -> None:
+    for board in list(_open):
+        board.disown()
+
+
+os.register_at_fork(after_in_child=_after_fork)
 
 
 def _watch_signals() -> None:

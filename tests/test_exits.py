@@ -154,6 +154,25 @@ print(hex(board.read(0x1100)))"""
     assert ddr(card) == OFF
 
 
+def test_a_forked_child_cannot_use_its_parents_card(card: Path) -> None:
+    end = """
+pid = os.fork()
+if pid == 0:
+    try:
+        board.write(0x1100, 0)
+    except hostmot2.errors.TransportClosed as refused:
+        assert "forked" in str(refused.causes) and board.closed
+        os._exit(0)
+    os._exit(1)
+assert os.waitpid(pid, 0)[1] == 0
+board.write(0x1104, 5)
+print(hex(board.read(0x1100)))"""
+    process = start(card, end)
+    assert process.communicate(timeout=40)[0] == b"0x1ffff\n"
+    assert process.returncode == 0
+    assert ddr(card) == OFF
+
+
 def test_a_board_that_is_dropped_is_made_safe_with_a_warning(card: Path) -> None:
     board = hostmot2.open(f"pci://{card}")
     board.write(DDR, DRIVING)

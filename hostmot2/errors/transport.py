@@ -58,8 +58,9 @@ class TransportClosed(TransportError):
     causes = (
         "the `with` block that opened the board has ended",
         "a signal to end (SIGTERM, SIGHUP) closed the board first, outputs off",
+        "this process was forked from the one that opened the board, whose card it stays",
     )
-    fix = "Use the board inside its `with` block, or open it anew."
+    fix = "Use the board inside its `with` block and in the process that opened it, or open it anew."
 
 
 class ProtocolError(TransportError):
