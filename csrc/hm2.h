@@ -994,6 +994,8 @@ typedef struct hm2_sserial_counters {
 	uint64_t doits;      /* transfers completed */
 	uint64_t too_soon;   /* pipelined transfers not begun because the last one was at work */
 	uint64_t hung;       /* commands that never completed */
+	uint64_t overwritten; /* DOITs written over one that a network had delivered twice or late */
+	uint64_t hidden;     /* results not taken: they might have been old ones */
 	uint64_t failed[8]; /* transfers whose DATA bit was set */
 	int64_t last_doit_ns; /* from the DOIT's write to the read that saw it complete, at most */
 } hm2_sserial_counters;

@@ -79,6 +79,9 @@ struct hm2_sserial {
 	uint32_t landed, landed_failed; /* of the result that the cycle's last exchange brought */
 	int reading;         /* the cycle's exchange at work reads results */
 	int hung;            /* the cycle found a DOIT that does not end */
+	uint64_t failures;   /* of the board's exchanges, when the last pipelined DOIT was written */
+	int late;            /* it may have got lost, or start only now: no other before a look */
+	int hidden;          /* the registers hold no result that could be told from an older one */
 	int64_t doit_ns;     /* when the last DOIT was written */
 	int64_t expected_ns; /* when to look for the end of a DOIT, from its write */
 	int64_t look_ns;     /* what a look takes */
@@ -126,6 +129,14 @@ int sserial_collect(struct hm2_sserial *port, hm2_error *error);
 
 /* sserial_cyclic.c: HM2_ERR_BUSY while a cycle in a thread of its own has the port */
 int sserial_check_use(const struct hm2_sserial *port, const char *where, hm2_error *error);
+/* Before a pipelined DOIT is written. */
+void sserial_launching(struct hm2_sserial *port);
+/* It is waited for from now on; in doubt if an exchange has failed since. */
+void sserial_note_launch(struct hm2_sserial *port);
+/* Written over a DOIT that should have been over: lost, and the other's result with it. */
+void sserial_overwritten(struct hm2_sserial *port);
+/* COMMAND reads 0, the registers are read: whether what they hold is a result. Ends all doubt. */
+int sserial_is_result(struct hm2_sserial *port);
 /* What the cycle's last exchange brought, without ever waiting: 1 if a result, its masks; -1: the DOIT hangs. */
 int sserial_cyclic_news(struct hm2_sserial *port, uint32_t *requested, uint32_t *failed);
 

@@ -97,10 +97,7 @@ int sserial_settle(struct hm2_sserial *port, const char *where, hm2_error *error
 {
 	if (!port->busy)
 		sserial_written(port, LIMIT_ACCESS_NS); /* someone else's command, if there is one */
-	if (port->launched) {
-		port->flying = port->launched;
-		port->launched = 0;
-	}
+	sserial_note_launch(port);
 	const int status = sserial_wait(port, POLL_SHORT_NS, error);
 	if (status == HM2_ERR_TIMEOUT && port->busy)
 		return sserial_recover(port, where, error);
@@ -131,6 +128,7 @@ void sserial_forget(struct hm2_sserial *port, uint32_t mask)
 	port->used &= ~mask;
 	port->flying &= ~mask;
 	port->launched &= ~mask;
+	port->late = port->hidden = 0;
 	for (uint32_t channel = 0; channel < CHANNELS; channel++) {
 		if (!(mask & 1u << channel))
 			continue;

@@ -3,12 +3,48 @@
 
 #include <string.h>
 
-/* A DOIT that an exchange carried which did not come back: whether it arrived the next look will show. */
-static void note_launch(struct hm2_sserial *port)
+static uint64_t failures(const struct hm2_sserial *port)
 {
-	if (port->launched)
-		port->flying = port->launched;
+	hm2_board_counters counters;
+	hm2_board_get_counters(port->board, &counters);
+	return counters.failures;
+}
+
+void sserial_launching(struct hm2_sserial *port)
+{
+	port->failures = failures(port);
+}
+
+/* Of an exchange that did not come back nobody knows whether its DOIT has started, or when it will. The registers then
+ * hold its result or the one before: good if that one has not been taken yet. */
+void sserial_note_launch(struct hm2_sserial *port)
+{
+	if (!port->launched)
+		return;
+	if (failures(port) != port->failures) {
+		port->late = 1;
+		port->hidden |= !port->flying;
+	}
+	port->flying = port->launched;
 	port->launched = 0;
+}
+
+/* A network delivered a datagram twice or late, and with it a DOIT that nobody expected. The firmware ends that one,
+ * forgets the other and shows 0xFF in DATA (sserial.md 2.1): this costs two cycles, and is no reason to stop. */
+void sserial_overwritten(struct hm2_sserial *port)
+{
+	port->late = port->hidden = 1;
+	port->counters.overwritten++;
+}
+
+int sserial_is_result(struct hm2_sserial *port)
+{
+	/* 0xFF with fewer channels asked for is the answer to no DOIT, but to one written over another at work */
+	const int hidden = port->hidden ||
+	                   (port->lists.data == HM2_SSLBP_RESULT_INVALID && port->lists.mask != HM2_SSLBP_RESULT_INVALID);
+	port->late = port->hidden = 0;
+	port->counters.hidden += (uint64_t)hidden;
+	return !hidden;
 }
 
 static size_t list(const hm2_transfer *from, size_t count, hm2_transfer *transfers, size_t capacity)
@@ -24,7 +60,7 @@ static size_t cyclic_reads(void *self, hm2_transfer *transfers, size_t capacity)
 	port->reading = 0;
 	if (port->use == HM2_SSERIAL_USE_OTHERS)
 		return 0;
-	note_launch(port);
+	sserial_note_launch(port);
 	if (!port->flying || port->mode != HM2_SSERIAL_NORMAL)
 		return 0;
 	sserial_compile(port, port->flying);
@@ -33,10 +69,10 @@ static size_t cyclic_reads(void *self, hm2_transfer *transfers, size_t capacity)
 }
 
 /* Never over a command that may be at work. In an exchange that also reads, the answer to that comes too
- * late, so only a DOIT that must be over by now is followed by the next. */
+ * late, so only a DOIT that must be over by now is followed by the next, and none that may be late itself. */
 static int may_write(const struct hm2_sserial *port, uint32_t running)
 {
-	if (port->hung)
+	if (port->hung || port->late)
 		return 0;
 	if (!port->busy)
 		return 1;
@@ -59,8 +95,29 @@ static size_t cyclic_writes(void *self, hm2_transfer *transfers, size_t capacity
 		hm2_process_data_pack(port->process_data);
 	sserial_compile(port, running);
 	sserial_prepare_doit(port);
+	sserial_launching(port);
 	port->launched = running;
 	return list(&port->lists.transfers[port->lists.reads], port->lists.writes, transfers, capacity);
+}
+
+/* Written over or not, it has the time of a DOIT to end. */
+static void still_at_work(struct hm2_sserial *port, int followed, int64_t now_ns)
+{
+	port->hung = !followed && now_ns >= port->busy_until_ns;
+	if (!followed)
+		return;
+	port->launched = 0;
+	sserial_arrived(port);
+	sserial_overwritten(port);
+}
+
+static void take(struct hm2_sserial *port)
+{
+	if (sserial_is_result(port)) {
+		port->landed = port->flying;
+		port->landed_failed = (uint32_t)sserial_take_results(port);
+	}
+	port->flying = 0;
 }
 
 static void cyclic_process(void *self, int64_t now_ns)
@@ -73,22 +130,20 @@ static void cyclic_process(void *self, int64_t now_ns)
 	if (!port->reading) {
 		if (followed)
 			sserial_arrived(port);
-		note_launch(port);
+		sserial_note_launch(port);
 		return;
 	}
 	port->reading = 0;
 	if (port->lists.command != 0) {
-		port->hung = followed || now_ns >= port->busy_until_ns;
+		still_at_work(port, followed, now_ns);
 		return;
 	}
-	port->landed = port->flying;
-	port->landed_failed = (uint32_t)sserial_take_results(port);
-	port->flying = 0;
+	take(port);
 	port->busy = followed;
 	if (followed)
 		sserial_arrived(port);
-	note_launch(port);
-	if (port->process_data)
+	sserial_note_launch(port);
+	if (port->process_data && port->landed)
 		hm2_process_data_unpack(port->process_data);
 }
 

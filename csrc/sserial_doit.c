@@ -7,6 +7,7 @@
  * until it has ended; where a look is a round trip, waiting for the longest is cheaper than another one. */
 #define LOOP_PASS_NS 3000
 #define RETRY_NS 1000
+#define HIDDEN 0x200 /* beside the failed channels: what was read is no result */
 
 static void add(struct sserial_lists *lists, size_t *count, uint32_t address, int flags, uint32_t *words)
 {
@@ -280,18 +281,21 @@ int sserial_collect(struct hm2_sserial *port, hm2_error *error)
 	sserial_compile(port, port->flying);
 	port->flying = 0;
 	const int status = read_results(port, error);
-	if (status == HM2_OK)
+	if (status == HM2_OK && sserial_is_result(port))
 		(void)sserial_take_results(port);
 	return status;
 }
 
-static int finish_flight(struct hm2_sserial *port, int late, hm2_error *error)
+/* Returns the failed channels, or HIDDEN. */
+static int finish_flight(struct hm2_sserial *port, int followed, int expired, hm2_error *error)
 {
 	if (port->lists.command == 0) {
 		port->flying = 0;
-		return sserial_take_results(port);
+		return sserial_is_result(port) ? sserial_take_results(port) : HIDDEN;
 	}
-	if (late)
+	if (followed)
+		sserial_overwritten(port);
+	else if (expired)
 		return sserial_hung(port, "sserial cycle", error);
 	port->counters.too_soon++;
 	return sserial_fail(error, HM2_ERR_BUSY, "sserial cycle", HM2_SSERIAL_TOO_SOON, -1);
@@ -303,11 +307,12 @@ static int step(struct hm2_sserial *port, uint32_t running, hm2_error *error)
 {
 	struct sserial_lists *lists = &port->lists;
 	const int64_t now_ns = hm2_board_now_ns(port->board);
-	const int one_exchange = lists->mask == running && sserial_is_over(port, now_ns);
-	const int late = one_exchange || now_ns >= port->busy_until_ns;
+	const int one_exchange = lists->mask == running && !port->late && sserial_is_over(port, now_ns);
+	const int expired = now_ns >= port->busy_until_ns;
 	int failed = 0;
 	int status = HM2_OK;
 	if (one_exchange) {
+		port->late = 1; /* until it has come back */
 		sserial_prepare_doit(port);
 		status = hm2_exchange(port->board, lists->transfers, lists->reads + lists->writes, error);
 	} else {
@@ -315,9 +320,11 @@ static int step(struct hm2_sserial *port, uint32_t running, hm2_error *error)
 	}
 	if (status != HM2_OK)
 		return status;
-	if (one_exchange)
+	if (one_exchange) {
+		port->late = 0;
 		sserial_arrived(port);
-	failed = finish_flight(port, late, error);
+	}
+	failed = finish_flight(port, one_exchange, expired, error);
 	if (failed < 0 || one_exchange)
 		return failed;
 	if (running) {
@@ -345,7 +352,8 @@ int hm2_sserial_cycle(struct hm2_sserial *port, uint32_t mask, uint32_t *request
 		failed = step(port, running, error);
 		if (failed < 0)
 			return failed;
-		*requested = flying;
+		*requested = failed & HIDDEN ? 0 : flying;
+		failed &= ~HIDDEN;
 	} else if (running) {
 		sserial_compile(port, running);
 		status = write_doit(port, 0, error);
@@ -353,7 +361,7 @@ int hm2_sserial_cycle(struct hm2_sserial *port, uint32_t mask, uint32_t *request
 	if (status != HM2_OK)
 		return status;
 	port->flying = running;
-	if (port->process_data)
+	if (port->process_data && *requested)
 		hm2_process_data_unpack(port->process_data);
 	return port->event_count ? failed | HM2_SSERIAL_NEWS : failed;
 }

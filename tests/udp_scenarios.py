@@ -86,6 +86,15 @@ def first_cycle(s: Session) -> None:
     assert s.done == (0, 0)
 
 
+def first_cycle_lost(s: Session) -> None:
+    s.core.join(s.board.cycle, lambda: None)
+    s.core.set_cyclic(CHANNELS)
+    with pytest.raises(TransportTimeout):
+        s.cycle()
+    s.cycle()
+    assert s.done == (0, 0)  # the registers still hold unit numbers, which are no inputs
+
+
 def pipelined_cycle(s: Session) -> None:
     s.cycle()
     assert s.done == (0, CHANNELS)
@@ -194,6 +203,12 @@ SCENARIOS = {
         "sserial_start",
     ),
     "first_cycle": Scenario(first_cycle, "the watchdog armed, a cycle that sends the first DOIT", "encoders"),
+    "first_cycle_lost": Scenario(
+        first_cycle_lost,
+        "the first cycle is lost: what START left in the registers is not taken for inputs",
+        "sserial_start",
+        {1: "request lost"},
+    ),
     "cycle": Scenario(
         pipelined_cycle,
         "a cycle: one request, one reply, results of the last DOIT and the next one",
@@ -201,7 +216,7 @@ SCENARIOS = {
     ),
     "cycle_lost": Scenario(
         cycle_lost,
-        "a cycle whose reply is lost: told, not repeated; the next one goes on",
+        "a cycle whose reply is lost: told, not repeated; the next one looks before it writes a DOIT",
         "cycle",
         {1: "reply lost"},
     ),

@@ -270,6 +270,8 @@ class Core:
             "failed": list(counters.failed)[: self.channels],
             "too_soon": counters.too_soon,
             "hung": counters.hung,
+            "overwritten": counters.overwritten,
+            "hidden": counters.hidden,
             "last_doit_us": counters.last_doit_ns / 1000,
         }
 

@@ -278,7 +278,7 @@ class SserialPort(PortMemory):
 
     @property
     def transfers(self) -> dict[str, Any]:
-        """The driver counted: doits, failed (per channel), too_soon, hung, last_doit_us, starts_repeated."""
+        """What was counted, as in `hm2_sserial_counters` (csrc/hm2.h), and starts_repeated."""
         return self._core.transfers() | {"starts_repeated": self._remotes.repeats}
 
     # -- what channels ask their port

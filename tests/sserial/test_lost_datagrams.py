@@ -1,99 +1,202 @@
-"""Smart serial over a network that loses a datagram: the repeat comes later than any DOIT lasts."""
+"""Smart serial over a network that loses, delays or doubles a datagram, in virtual time.
 
-import socket
-import threading
+A DOIT must never be written over one at work as far as the driver can know, no old inputs may be taken for
+new ones, and nothing that passes by itself may stop the port.
+"""
+
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from faults.world import FIELD, World
 
-import hostmot2
-from hostmot2.emulator import EmulatedBoard
-from hostmot2.emulator.ethernet import EthernetServer, description
+from hostmot2._core import ffi, lib
+from hostmot2.errors import TransportTimeout, check
 
-
-class Relay:
-    """Between a driver and a card; `lose` requests from now is lost."""
-
-    def __init__(self, port: int) -> None:
-        self.lose = 0
-        self.remote: Any = None
-        self._here = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._here.bind(("127.0.0.1", 0))
-        self._here.settimeout(0.2)
-        self.port = self._here.getsockname()[1]
-        self._card = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._card.connect(("127.0.0.1", port))
-        self._card.settimeout(0.2)
-        self._stopping = False
-        self._peer: tuple[str, int] | None = None
-        self._threads = [threading.Thread(target=run) for run in (self._requests, self._replies)]
-        for thread in self._threads:
-            thread.start()
-
-    def _requests(self) -> None:
-        while not self._stopping:
-            try:
-                request, self._peer = self._here.recvfrom(2048)
-            except TimeoutError:
-                continue
-            self.lose -= 1
-            if self.lose != 0:
-                self._card.send(request)
-
-    def _replies(self) -> None:
-        while not self._stopping:
-            try:
-                reply = self._card.recv(2048)
-            except TimeoutError:
-                continue
-            if self._peer:
-                self._here.sendto(reply, self._peer)
-
-    def close(self) -> None:
-        self._stopping = True
-        for thread in self._threads:
-            thread.join()
-        self._here.close()
-        self._card.close()
+CHANNELS = 0b11
+PERIOD_NS = 1_000_000
+ROUND_TRIP_NS = 80_000
+UNIT_NUMBER = 0x12000001
+US = 1000
+SOON_AGAIN = 4
+"""Cycles until there are results again."""
 
 
 @pytest.fixture
-def relay():
-    with EmulatedBoard("7i92+7i77", clock="real") as board:
-        server = EthernetServer(board, "127.0.0.1", 0, description=description("7i92+7i77"))
-        server.start()
-        relay = Relay(server.port)
-        relay.remote = board.sserial[0].remote(0)
-        yield relay
-        relay.close()
-        server.close()
+def world() -> Iterator[World]:
+    world = World("datagrams")
+    board = world.open()
+    board.cycle.automatic_watchdog = False
+    yield world
+    world.faults.plan([])
+    world.drop()
 
 
-def test_a_lost_datagram_of_a_doit_does_not_stop_the_port(relay):
-    for number in range(1, 6):
-        with hostmot2.open(f"udp://127.0.0.1:{relay.port}?retry_ms=5") as hm2:
-            card = hm2.card("7i77")
-            hm2.watchdog.timeout = 2.0
-            relay.remote.turnaround_us = 6.0
-            card.start()
-            for _ in range(3):
-                card.exchange()
-            relay.remote.turnaround_us = 30.0  # the first look at a DOIT comes too early
-            relay.lose = number
-            assert [card.exchange().failed for _ in range(4)] == [0] * 4
+class Cycles:
+    """The board's cycle at 1 kHz, as an engine runs it, with deadlines. Inputs are numbered by cycle."""
+
+    def __init__(self, world: World) -> None:
+        self.world, self.port = world, world.port
+        self.port.scan()
+        self.number = 0
+        self.taken = -1
+        self._error = ffi.new("hm2_error *")
+
+    def start(self) -> None:
+        """Start both channels and lend them to the cycle."""
+        assert self.port.start(CHANNELS).failed == 0
+        self.port.cyclic = CHANNELS
+
+    def run(self) -> int:
+        """One cycle; the channels of the result it brought. Raises TransportTimeout, CommandHung."""
+        board = self.world.board
+        assert board is not None
+        self.number += 1
+        self.world.remotes[FIELD].inputs = self.number.to_bytes(4, "little")
+        due = board.now_ns() + PERIOD_NS
+        try:
+            check(lib.hm2_cycle_begin(board.cycle.handle, self._error), self._error)
+            deadline = due - 200 * US
+            check(lib.hm2_cycle_finish(board.cycle.handle, deadline, self._error), self._error)
+            self.port._after_cycle()
+        finally:
+            board.pause((due - board.now_ns()) / 1e9)
+        self._judge()
+        return int(self.port.last_cycle.requested)
+
+    def _judge(self) -> None:
+        if not self.port.last_cycle.requested:
+            return
+        got = self.port.channels[FIELD].inputs["input"]
+        assert int(got) > self.taken, "inputs that were taken before"
+        assert self.port.last_cycle.failed == 0
+        self.taken = int(got)
+
+    def recover(self, late_cycles: int = 0) -> None:
+        """Results must come again soon, one each cycle, from channels that were never stopped."""
+        for _ in range(late_cycles + SOON_AGAIN):
+            self.run()
+        assert [self.run() for _ in range(5)] == [CHANNELS] * 5
+        assert self.port.started == CHANNELS
+        assert self.port.transfers["hung"] == 0
+
+    def fault(self, kind: int, value_ns: int = 0, step: int = 1) -> None:
+        """What becomes of the next datagram to the card (step 2: of its answer)."""
+        self.world.faults.plan([{"step": step, "kind": kind, "value": value_ns}])
 
 
-def test_the_cycle_after_a_repeated_doit_does_not_write_over_it(relay):
+@pytest.fixture
+def cycles(world: World) -> Cycles:
+    cycles = Cycles(world)
+    cycles.start()
+    for _ in range(3):
+        cycles.run()
+    return cycles
+
+
+def until_the_next_cycle(before_us: int) -> int:
+    """The delay with which a copy gets to the card so long before the next cycle's datagram."""
+    return PERIOD_NS - before_us * US
+
+
+@pytest.mark.parametrize("before_us", [*range(-60, 200, 10), 300, 500, 990])
+def test_a_doit_that_arrives_twice_stops_nothing(cycles: Cycles, before_us: int):
+    """The copy starts a DOIT that nobody expects, and the next one is written over it."""
+    cycles.fault(lib.HM2_FAULT_TWICE, until_the_next_cycle(before_us))
+    cycles.recover()
+
+
+def test_the_doit_before_the_next_cycle_is_one_that_was_overwritten(cycles: Cycles):
+    """What the test above is about does occur, and is told: no result, then one that is not taken."""
+    cycles.fault(lib.HM2_FAULT_TWICE, until_the_next_cycle(before_us=20))
+    results = [cycles.run() for _ in range(5)]
+    assert results == [CHANNELS, 0, 0, 0, CHANNELS]
+    transfers = cycles.port.transfers
+    assert (transfers["overwritten"], transfers["hidden"]) == (1, 1)
+
+
+@pytest.mark.parametrize("late_us", [*range(740, 1400, 20), 2000, 5000])
+def test_a_doit_that_arrives_late_is_never_written_over(cycles: Cycles, late_us: int):
+    """Its cycle has failed: the next one looks, and writes nothing, until COMMAND has been seen clear."""
+    cycles.fault(lib.HM2_FAULT_LATE, late_us * US)
+    with pytest.raises(TransportTimeout):
+        cycles.run()
+    cycles.recover(late_us * US // PERIOD_NS)
+    in_order = late_us * US < PERIOD_NS
+    assert not in_order or cycles.port.transfers["overwritten"] == 0
+
+
+@pytest.mark.parametrize("step", [1, 2])
+@pytest.mark.parametrize("lost", [1, 2, 3])
+def test_lost_cycles_bring_no_old_inputs(cycles: Cycles, step: int, lost: int):
+    for _ in range(lost):
+        cycles.fault(lib.HM2_FAULT_LOST, step=step)
+        with pytest.raises(TransportTimeout):
+            cycles.run()
+    cycles.recover()
+    assert cycles.port.transfers["overwritten"] == 0
+
+
+def test_a_first_doit_that_is_lost_does_not_bring_the_unit_number_as_inputs(world: World):
+    """Behind START the registers hold who the remote is, COMMAND and DATA look as behind a good DOIT."""
+    cycles = Cycles(world)
+    cycles.start()
+    cycles.fault(lib.HM2_FAULT_LOST)
+    with pytest.raises(TransportTimeout):
+        cycles.run()
+    assert cycles.run() == 0
+    assert cycles.port.transfers["hidden"] == 1
+    cycles.recover()
+    assert cycles.taken != UNIT_NUMBER
+
+
+@pytest.mark.parametrize("number", range(1, 10))
+def test_a_lost_datagram_of_a_doit_does_not_stop_the_port(world: World, number: int):
+    card = world.seven
+    card.start()
+    for _ in range(3):
+        card.exchange()
+    world.remotes[FIELD].turnaround_us = 30.0  # the first look at a DOIT comes too early
+    world.faults.plan([{"step": number, "kind": lib.HM2_FAULT_LOST}])
+    assert [card.exchange().failed for _ in range(4)] == [0] * 4
+    assert world.faults.fired == 1
+
+
+@pytest.mark.parametrize("turnaround_us", range(20, 260, 20))
+def test_the_cycle_after_a_repeated_doit_does_not_write_over_it(world: World, turnaround_us: float):
     """COMMAND written while a DOIT is at work hides its result: DATA reads 0xFF then, all channels failed."""
-    with hostmot2.open(f"udp://127.0.0.1:{relay.port}?retry_ms=5") as hm2:
-        relay.remote.turnaround_us = 250.0  # a repeat's DOIT is still at work when the next cycle comes
-        port = hm2.sserial[0]
-        port.start(0x03)
-        port.doit(0x03)
-        port.cyclic = 0x03
-        hm2.cycle.automatic_watchdog = False
-        for _ in range(10):
-            relay.lose = 1
-            for _ in range(8):
-                hm2.cycle.run()
-                assert port.last_cycle.failed == 0
+    board: Any = world.board
+    world.remotes[
+        FIELD
+    ].turnaround_us = turnaround_us  # a repeat's DOIT may still be at work at the next cycle
+    port = world.port
+    port.start(CHANNELS)
+    port.doit(CHANNELS)
+    port.cyclic = CHANNELS
+    for _ in range(10):
+        world.faults.plan([{"step": 1, "kind": lib.HM2_FAULT_LOST}])
+        for _ in range(8):
+            board.cycle.run()
+            assert port.last_cycle.failed == 0
+    assert (port.transfers["overwritten"], port.transfers["hidden"], port.transfers["hung"]) == (0, 0, 0)
+
+
+@pytest.mark.parametrize(("step", "hidden"), [(1, 0), (2, 0), (3, 1), (4, 1)])
+def test_a_lost_write_of_a_read_modify_write_cycle_brings_no_old_inputs(world: World, step: int, hidden: int):
+    """Two exchanges a cycle. Steps: the read and its answer, the write and its answer.
+
+    Whether the write or its answer was lost the registers do not tell: the next result does not count.
+    """
+    board: Any = world.board
+    board.cycle.automatic_watchdog = True
+    world.seven.start()
+    with board.engine(1000.0, style="read-modify-write") as engine:
+        for _ in range(3):
+            engine.step()
+        before = world.port.transfers["doits"]
+        world.faults.plan([{"step": step, "kind": lib.HM2_FAULT_LOST}])
+        for _ in range(6):
+            engine.step()
+        transfers = world.port.transfers
+        assert (transfers["overwritten"], transfers["hung"], transfers["hidden"]) == (0, 0, hidden)
+        assert transfers["doits"] - before == 5
