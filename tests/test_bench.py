@@ -233,3 +233,7 @@ def test_curves_are_drawn_and_told(tmp_path):
 def test_cost_is_measured_for_several_cards():
     found = scale._several(2, 0.05)
     assert len(found["cycle"]) > 20
+
+
+def test_a_minute_with_a_stalled_disk_unless_told_otherwise():
+    assert [recorded.stalled_seconds(count) for count in (None, 1, 20)] == [60, 6, 20]

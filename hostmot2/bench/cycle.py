@@ -14,7 +14,10 @@ READS, WRITES = 7, 5
 
 
 def run(count: int | None = None) -> Report:
-    """Rounds of a second per candidate: `count`, or 6; the recording with a stalled disk runs as many."""
+    """Rounds of a second per candidate: `count`, or 6.
+
+    The recording with a stalled disk runs for a minute, with a count for as many seconds, at least 6.
+    """
     rounds = count or ROUNDS
     report = Report("cycle")
     report.notes.append(host.placement())
@@ -23,7 +26,7 @@ def run(count: int | None = None) -> Report:
         lateness.busy(report, rounds)
         recorded.cost(report, rounds)
         recorded.pushes(report)
-        recorded.stalled_disk(report, max(rounds, recorded.SHORTEST))
+        recorded.stalled_disk(report, recorded.stalled_seconds(count))
     finally:
         host.unlock_memory()
     for style in ("pipelined", "read-modify-write"):

@@ -28,7 +28,7 @@ from hostmot2.recording import Recorder, record
 
 RATE = 2000
 FAST, CHANNELS = 4000, 8
-SHORTEST = 6  # s
+STALLED_RUN, SHORTEST = 60, 6  # s: what is promised, and what still has flushes before and after the stall
 STALL_SECONDS = 1.0
 SPIN_US = 100
 
@@ -117,6 +117,11 @@ def _drain(ring: RecordRing, over: threading.Event) -> None:
     records = np.empty(PUSH_SLOTS, ring.dtype)
     while not over.is_set():
         ring.pop_into(records)
+
+
+def stalled_seconds(count: int | None) -> int:
+    """How long to record with a stalled disk: STALLED_RUN, or `count`, but at least SHORTEST."""
+    return STALLED_RUN if count is None else max(count, SHORTEST)
 
 
 def stalled_disk(report: Report, seconds: float) -> None:
