@@ -195,10 +195,12 @@ void hm2_process_data_pack(struct hm2_process_data *process_data);
 /* Change what the user may change. Takes effect at the next unpack or pack. */
 int hm2_process_data_configure(struct hm2_process_data *process_data, size_t index, double scale, double low,
                                double high, uint64_t invert, hm2_error *error);
-/* Counters: the next count of this field is relative to where it stands now. */
+/* Counters: the next count of this field is relative to where it stands now. Any thread, also during an unpack. */
 int hm2_process_data_zero(struct hm2_process_data *process_data, size_t index, hm2_error *error);
 /* Counters of a channel as at the beginning: the next reading counts from 0. For a remote started anew. */
 void hm2_process_data_restart(struct hm2_process_data *process_data, int channel);
+/* Counters of `to` go on from where those of `from` stand; both were made of the same fields. */
+void hm2_process_data_carry_on(struct hm2_process_data *to, const struct hm2_process_data *from);
 
 /* ---- bulk decode (bulk.c): recorded cycles to columns --------------------------------------- */
 

@@ -317,7 +317,7 @@ int hm2_process_data_zero(struct hm2_process_data *data, size_t index, hm2_error
 	uint32_t at = data->operations[index];
 	if (at == HM2_NO_OPERATION || data->fields[index].direction != HM2_FIELD_INPUT)
 		return HM2_OK;
-	data->unpack[at].zero = data->unpack[at].total;
+	atomic_store_explicit(&data->unpack[at].zero_wanted, 1, memory_order_relaxed);
 	return HM2_OK;
 }
 
@@ -331,5 +331,21 @@ void hm2_process_data_restart(struct hm2_process_data *data, int channel)
 		data->unpack[at].previous = 0;
 		data->unpack[at].total = 0;
 		data->unpack[at].zero = 0;
+		atomic_store_explicit(&data->unpack[at].zero_wanted, 0, memory_order_relaxed);
+	}
+}
+
+void hm2_process_data_carry_on(struct hm2_process_data *to, const struct hm2_process_data *from)
+{
+	for (size_t i = 0; i < from->field_count && i < to->field_count; i++) {
+		const uint32_t at = from->operations[i];
+		if (at == HM2_NO_OPERATION || at != to->operations[i] || from->fields[i].direction != HM2_FIELD_INPUT)
+			continue;
+		to->unpack[at].previous = from->unpack[at].previous;
+		to->unpack[at].total = from->unpack[at].total;
+		to->unpack[at].zero = from->unpack[at].zero;
+		atomic_store_explicit(&to->unpack[at].zero_wanted,
+		                      atomic_load_explicit(&from->unpack[at].zero_wanted, memory_order_relaxed),
+		                      memory_order_relaxed);
 	}
 }

@@ -4,6 +4,8 @@
 
 #include "hm2.h"
 
+#include <stdatomic.h>
+
 /* Where up to 64 bits lie in an image: in one, two or three words. */
 typedef struct hm2_window {
 	uint16_t low, middle, top; /* word indices; those not needed repeat low */
@@ -38,6 +40,7 @@ typedef struct hm2_unpack_operation {
 	uint64_t zero;     /* total that counts as 0 */
 	uint32_t field;
 	uint32_t other;    /* operation of the other part */
+	_Atomic uint32_t zero_wanted;
 } hm2_unpack_operation;
 
 /* From a value to raw bits. */

@@ -81,6 +81,10 @@ static void unpack_floats(struct hm2_process_data *data)
 static void counter_move(struct hm2_process_data *data, hm2_unpack_operation *operation, uint64_t reading,
                          uint32_t bits)
 {
+	if (atomic_load_explicit(&operation->zero_wanted, memory_order_relaxed)) {
+		atomic_store_explicit(&operation->zero_wanted, 0, memory_order_relaxed);
+		operation->zero = operation->total;
+	}
 	uint64_t difference = (reading - operation->previous) << (64 - bits);
 	operation->total += (uint64_t)((int64_t)difference >> (64 - bits));
 	operation->previous = reading;

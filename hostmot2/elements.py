@@ -119,7 +119,10 @@ class Elements(Mapping[str, Value]):
         return self._index[name]
 
     def raw(self, name: str) -> int:
-        """The element's bits as they are in the registers; of a counter the count, signed."""
+        """The element's bits as they are in the registers; of a counter the count, signed.
+
+        While a cycle engine runs only BITS, STREAM and counters are kept up to date.
+        """
         raw = int(self._data._raw[self._index[name]])
         if self.field(name).kind in COUNTERS and raw >> 63:
             return raw - (1 << 64)
@@ -141,6 +144,7 @@ class Elements(Mapping[str, Value]):
         """Change full scale, limits (both in the element's unit) or inversion; what is None stays.
 
         Takes effect at the next exchange. ValueError: low > high, or a limit that is not a number.
+        EngineError: a cycle engine runs.
         """
         old = self.scaling(name)
         new = Scaling(
@@ -182,8 +186,8 @@ class Inputs(Elements):
         """Let a counter start from 0 at its present position. TypeError: not a counter."""
         if self.field(name).kind not in COUNTERS:
             raise TypeError(f"{name} is not a counter")
-        error = new_error()
-        check(lib.hm2_process_data_zero(self._data._plan, self._index[name], error), error)
+        error, data = new_error(), self._data.stand_in or self._data
+        check(lib.hm2_process_data_zero(data._plan, self._index[name], error), error)
 
 
 class Outputs(Elements):

@@ -21,7 +21,7 @@ from hostmot2._bound import bind
 from hostmot2._core import ffi, lib
 from hostmot2.bulk import Columns, Records, Source, decode
 from hostmot2.elements import Bits, Elements, Inputs, Outputs
-from hostmot2.errors import check, new_error
+from hostmot2.errors import EngineError, check, new_error
 from hostmot2.fields import Direction, Field, FieldKind
 from hostmot2.layout import Element, Layout, Scaling
 
@@ -76,12 +76,24 @@ class ProcessData:
         self._plan = self._compile()
         self.unpack = self._bind("hm2_process_data_unpack")
         self.pack = self._bind("hm2_process_data_pack")
+        self.stand_in: ProcessData | None = None
+        """What transfers use instead, while a cycle engine has them."""
         self.inputs = {channel: Inputs(self, channel, Direction.INPUT) for channel in self.layouts}
         self.outputs = {channel: Outputs(self, channel, Direction.OUTPUT) for channel in self.layouts}
 
     def restart(self, channel: int) -> None:
         """Counters of a channel as at the beginning, for a remote that was started anew."""
         lib.hm2_process_data_restart(self._plan, channel)
+
+    def carry_on(self, other: ProcessData) -> None:
+        """Values of inputs, counts and scalings of `other`, which has the same layouts."""
+        for index, scaling in enumerate(other._scalings):
+            if scaling != self._scalings[index]:
+                self._configure(index, scaling)
+        for index, (_, element) in enumerate(self._elements):
+            if element.direction is Direction.INPUT:
+                self.values[index], self.raw[index] = other.values[index], other.raw[index]
+        lib.hm2_process_data_carry_on(self._plan, other._plan)
 
     def decode(
         self,
@@ -156,6 +168,8 @@ class ProcessData:
         return ffi.gc(plan[0], lib.hm2_process_data_free)
 
     def _configure(self, index: int, scaling: Scaling) -> None:
+        if self.stand_in is not None:
+            raise EngineError("scaling and limits stay as they are while a cycle engine runs: stop it first")
         if not scaling.low <= scaling.high:
             raise ValueError(f"limits {scaling.low} .. {scaling.high}")
         name, bits = self._elements[index][1].name, self._elements[index][1].field.bits

@@ -148,7 +148,9 @@ class Card7i77(RemoteCard):
     @property
     def mpg(self) -> tuple[int, int]:
         """Counts of the two MPG counters on inputs 16 to 19, mode 3. Raises ModuleMissing in other modes."""
-        return int(self._field("enc0", "mode 3")), int(self._field("enc1", "mode 3"))
+        self._field("enc1", "mode 3")
+        inputs = self.field_io_channel.inputs
+        return inputs.raw("enc0"), inputs.raw("enc1")
 
     @property
     def encoders(self) -> Sequence[Any]:

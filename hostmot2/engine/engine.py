@@ -89,6 +89,8 @@ class Engine:
         self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
         self._started = False
         self._restarter: Restarter | None = None
+        self.restart_problems: list[str] = []
+        """Why ports that were given up could not be started anew, in sentences, oldest first."""
         self._pid = os.getpid()
 
     # -- what it is made of
@@ -236,7 +238,8 @@ class Engine:
     def start(self) -> Self:
         """Arm the watchdog, take the board's cycle and begin, outputs off until write().
 
-        Raises EngineError if another engine runs, WatchdogBite, TransportError.
+        Raises EngineError if another engine runs or channels were started or stopped since this one was made,
+        ValueError for more signals than an engine has room for, WatchdogBite, TransportError.
         """
         with self.board.lock, self._lock:
             if self._started:
@@ -248,13 +251,15 @@ class Engine:
                 m.gtag == Gtag.WATCHDOG for m in self.board.modules
             )
             for port in self._ports:
-                port.take()
+                port.raise_if_changed()
             self._has_watchdog = has_watchdog
             if has_watchdog:
                 self.board.watchdog.relax()  # locking memory may take longer than its timeout
-            if not self.handle:
-                self._build(cycle.handle)
-                self.board.on_close(self.stop, SafeOff.SESSION)
+            try:
+                self._take()
+            except BaseException:
+                self._give_back()
+                raise
             cycle.engine = self
             self._started = True
             _running.add(self)
@@ -269,31 +274,49 @@ class Engine:
                 self._restarter = Restarter(self, self.restart_ports, threaded=threaded)
             return self
 
+    def _take(self) -> None:
+        for port in self._ports:
+            port.take()  # before the cycle is looked at: its first time makes it part of that
+        if not self.handle:
+            self._build(self.board.cycle.handle)
+            self.board.on_close(self.stop, SafeOff.SESSION)
+
+    def _give_back(self) -> None:
+        for port in self._ports:
+            port.give_back()
+
     def _build(self, cycle: Any) -> None:
         inputs, outputs = signal.c_signals(self._input_signals), signal.c_signals(self._output_signals)
         handle = ffi.new("struct hm2_engine **")
         sizes = len(self._input_signals), len(self._output_signals)
+        if max(sizes) > lib.HM2_ENGINE_SIGNALS:
+            raise ValueError(
+                f"{max(sizes)} inputs or outputs, an engine moves {lib.HM2_ENGINE_SIGNALS} of each"
+            )
         status = lib.hm2_engine_new(
             self.board.handle, cycle, self._config, inputs, sizes[0], outputs, sizes[1], handle, self._error
         )
         check(status, self._error)
         # the engine works on all of this for as long as it lives
         self._keep = (cycle, self._ports, self._controls, self._ring, self._config)
-        self.handle, self._kept = own(handle[0], lib.hm2_engine_free)
+        made, self._kept = own(handle[0], lib.hm2_engine_free)
         for port in self._ports:
-            check(lib.hm2_engine_add_port(self.handle, port.port._core.handle, self._error), self._error)
+            check(lib.hm2_engine_add_port(made, port.port._core.handle, self._error), self._error)
         for control in self._controls.pointers:
-            check(lib.hm2_engine_add_control(self.handle, *control, self._error), self._error)
+            check(lib.hm2_engine_add_control(made, *control, self._error), self._error)
         for axis, names in self._axes:
-            self._build_axis(axis, *names)
+            self._build_axis(made, axis, *names)
         if self._ring is not None:
             words = self._ring.dtype.fields["words"][0].shape[0] if self._ring.dtype.fields else 0
-            lib.hm2_engine_set_record_ring(self.handle, self._ring.handle, words)
+            lib.hm2_engine_set_record_ring(made, self._ring.handle, words)
+        self.handle = made  # whole, or start() may be tried again
 
-    def _build_axis(self, axis: Axis, feedback: str, output: str, velocity: str | None, name: str) -> None:
+    def _build_axis(
+        self, made: Any, axis: Axis, feedback: str, output: str, velocity: str | None, name: str
+    ) -> None:
         command_velocity = self.outputs.index(f"{name}.velocity") if axis._with_velocity else -1
         status = lib.hm2_engine_add_pid(
-            self.handle,
+            made,
             axis.pid,
             self.outputs.index(f"{name}.position"),
             command_velocity,
@@ -329,8 +352,7 @@ class Engine:
         self._take_events()
         _running.discard(self)
         self.board.cycle.engine = None
-        for port in self._ports:
-            port.give_back()
+        self._give_back()
         self.outputs.array[:] = 0.0
         self._mirrored[:] = 0.0
         if self._has_watchdog and not self.board.watchdog.has_bitten:
@@ -375,6 +397,8 @@ class Engine:
             inputs, sent = np.empty(len(self._input_signals)), np.empty(len(self._output_signals))
             lib.hm2_engine_read(self.handle, status, _doubles(inputs), _doubles(sent))
             lib.hm2_signals_store(self._mirrors_in, len(inputs), _doubles(inputs))
+            for port in self._ports:
+                port.show_counts()
             return Frame(
                 status_of(status, len(self._ports)),
                 Readings(self._input_names, inputs),

@@ -24,7 +24,6 @@ class Restarter:
         self._engine = engine
         self.left = dict.fromkeys(range(len(engine._ports)), tries)
         """How often each port may still be started anew."""
-        self.problems: list[str] = []
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._run, name="hm2 port restart", daemon=True)
         if threaded:
@@ -69,4 +68,4 @@ class Restarter:
             data.take()
             lib.hm2_engine_port_back(self._engine.handle, number)
         except HostMot2Error as problem:
-            self.problems.append(str(problem))
+            self._engine.restart_problems.append(str(problem))

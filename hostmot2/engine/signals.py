@@ -10,7 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from hostmot2._core import ffi, lib
+from hostmot2.errors import EngineError
 from hostmot2.fields import Direction, FieldKind
+from hostmot2.layout import COUNTERS
 from hostmot2.process_data import ProcessData
 from hostmot2.registers import Gtag
 
@@ -176,10 +178,15 @@ class PortData:
         self.ours = ProcessData(
             self.theirs.layouts, input_image=core._words("inputs"), output_image=core._words("outputs")
         )
-        for index, scaling in enumerate(self.theirs._scalings):
-            self.ours._configure(index, scaling)
         self.inputs = self._signals(Direction.INPUT)
         self.outputs = self._signals(Direction.OUTPUT)
+        self._counters = [
+            index
+            for index, (channel, element) in enumerate(self.theirs._elements)
+            if element.direction is Direction.INPUT
+            and element.field.kind in COUNTERS
+            and self.mask >> channel & 1
+        ]
 
     def _signals(self, direction: Direction) -> list[Signal]:
         signals = []
@@ -200,19 +207,40 @@ class PortData:
 
     def take(self) -> None:
         """From now on transfers use our memory. Until the first one readings are those of the last before."""
-        for index, (_, element) in enumerate(self.theirs._elements):
-            if element.direction is Direction.INPUT:
-                self.ours.values[index] = self.theirs.values[index]
-                self.ours.raw[index] = self.theirs.raw[index]
+        self.ours.carry_on(self.theirs)
+        self.theirs.stand_in = self.ours
         lib.hm2_sserial_set_process_data(self.port._core.handle, self.ours._plan)
         self.port.cyclic = self.mask
 
+    def raise_if_changed(self) -> None:
+        """EngineError if other channels run than when the engine was made, or other remotes."""
+        if self.port.process_data is not self.theirs or self.port.started != self.mask:
+            raise EngineError(
+                f"{self.port.label}: channels were started or stopped since this engine was made "
+                f"(0x{self.mask:02X} then, 0x{self.port.started:02X} now): make another one"
+            )
+
     def give_back(self) -> None:
-        """Transfers use the program's memory again, its outputs at zero."""
+        """Transfers use the program's memory again, its outputs at zero.
+
+        That of today: a port that was started anew may have found other remotes.
+        """
+        if self.theirs.stand_in is not self.ours:
+            return
         self.port.cyclic = 0
-        for outputs in self.theirs.outputs.values():
+        self.theirs.stand_in = None
+        self.theirs.carry_on(self.ours)
+        current = self.port.process_data
+        for outputs in current.outputs.values():
             outputs.off()
-        lib.hm2_sserial_set_process_data(self.port._core.handle, self.theirs._plan)
+        lib.hm2_sserial_set_process_data(self.port._core.handle, current._plan)
+
+    def show_counts(self) -> None:
+        """What the program sees of counters as raw counts, from the positions it sees."""
+        for index in self._counters:
+            count = self.theirs.values[index] * self.theirs._scalings[index].scale
+            if abs(count) < 2.0**53:
+                self.theirs.raw[index] = round(count) % (1 << 64)
 
 
 def _place(data: ProcessData, index: int, whole: bool) -> Any:

@@ -116,6 +116,8 @@ def test_each_mode_reports_what_it_has_and_names_the_mode_that_has_the_rest(
         assert card.analog_inputs[2] == pytest.approx(12.0, abs=0.08)
     if mode >= 2:
         assert card.field_voltage == pytest.approx(24.0, abs=0.08)
+    if mode >= 3:
+        assert card.mpg == (7, 0)
 
 
 def test_a_mode_the_card_does_not_have_is_refused_before_anything_is_sent(card: Any) -> None:
