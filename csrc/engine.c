@@ -207,6 +207,7 @@ static void prepare(struct hm2_engine *engine)
 	(void)engine_take_outputs(engine); /* what was meant for the last run is not for this one */
 	for (uint32_t i = 0; i < engine->port_count; i++) {
 		atomic_store(&engine->ports[i].state, HM2_PORT_RUNNING);
+		engine->ports[i].leaving = 0;
 		engine->ports[i].level = engine->status.port_level[i] = engine->status.port_state[i] = 0;
 	}
 	engine_load_outputs(engine);

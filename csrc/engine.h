@@ -49,6 +49,7 @@ struct engine_port {
 	_Atomic int state;  /* enum hm2_engine_port_state */
 	_Atomic int wanted; /* enum engine_wanted */
 	int held;           /* no new DOIT: it is about to be lent */
+	int leaving;        /* cycles until a port given up is everybody's: the zeroes go out first */
 	uint32_t cyclic;    /* what its mask was before */
 };
 

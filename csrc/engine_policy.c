@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#define LEAVING_CYCLES 4 /* zeroes are packed in the first, sent in the second, and a DOIT may have been too soon */
+
 void engine_event(struct hm2_engine *engine, int kind, int index, int status, int64_t value, const uint32_t words[4])
 {
 	hm2_engine_event event = {
@@ -50,14 +52,25 @@ void engine_judge_exchange(struct hm2_engine *engine, int status)
 	}
 }
 
-static void give_up(struct hm2_engine *engine, uint32_t number, int64_t value)
+static void leave(struct hm2_engine *engine, uint32_t number)
 {
 	struct engine_port *port = &engine->ports[number];
+	port->leaving = 0;
 	hm2_sserial_set_use(port->port, HM2_SSERIAL_USE_OTHERS);
 	engine->status.port_state[number] = HM2_PORT_GIVEN_UP;
+	atomic_store_explicit(&port->state, HM2_PORT_GIVEN_UP, memory_order_release);
+}
+
+/* A remote whose answers get lost may well hear: it is told the zeroes before nobody talks to it any more. Not where
+ * the DOIT never ended (value < 0): there is no way to. */
+static void give_up(struct hm2_engine *engine, uint32_t number, int64_t value)
+{
 	engine_event(engine, HM2_EVENT_PORT_GIVEN_UP, (int)number, 0, value, NULL);
 	engine_off(engine, HM2_OFF_PORT);
-	atomic_store_explicit(&port->state, HM2_PORT_GIVEN_UP, memory_order_release);
+	engine_lend_no_more(&engine->ports[number]); /* or its DOIT would be held back */
+	engine->ports[number].leaving = LEAVING_CYCLES;
+	if (value < 0)
+		leave(engine, number);
 }
 
 /* A fault that the remote itself reports turns outputs off at once; a reply that was lost fills the bucket. */
@@ -94,12 +107,16 @@ static void judge_port(struct hm2_engine *engine, uint32_t number)
 	if (port->level < 0)
 		port->level = 0;
 	engine->status.port_level[number] = port->level;
-	if (news < 0)
+	if (port->leaving) {
+		if (news < 0 || --port->leaving == 0)
+			leave(engine, number);
+	} else if (news < 0) {
 		give_up(engine, number, -1);
-	else if (config->fault_limit && port->level >= config->fault_limit)
+	} else if (config->fault_limit && port->level >= config->fault_limit) {
 		give_up(engine, number, port->level);
-	else
+	} else {
 		engine_lend(port);
+	}
 }
 
 void engine_judge_ports(struct hm2_engine *engine)
@@ -139,7 +156,7 @@ void engine_judge_outputs(struct hm2_engine *engine, int fresh)
 	if (hm2_board_gate_is_shut(engine->board))
 		engine_off(engine, HM2_OFF_BITE);
 	for (uint32_t i = 0; i < engine->port_count; i++)
-		if (engine->status.port_state[i] != HM2_PORT_RUNNING)
+		if (engine->status.port_state[i] != HM2_PORT_RUNNING || engine->ports[i].leaving)
 			engine_off(engine, HM2_OFF_PORT);
 }
 
