@@ -251,8 +251,17 @@ static void test_failed_transfers_fill_the_bucket_that_good_ones_empty(void)
 	rig.mailbox.words[DATA / 4] = 0x02;
 	CHECK_EQUAL(step(1).port_level[0], 16);
 	CHECK_EQUAL(step(0).off, 0);
-	CHECK_EQUAL(step(1).port_state[0], HM2_PORT_GIVEN_UP);
+	CHECK_EQUAL(step(1).off, HM2_OFF_PORT);
 	CHECK_EQUAL(last_event(HM2_EVENT_PORT_GIVEN_UP).value, 26);
+	hm2_sserial_counters before, after;
+	hm2_sserial_get_counters(rig.mailbox.port, &before);
+	CHECK_EQUAL(step(3).port_state[0], HM2_PORT_RUNNING); /* the zeroes go out first: the remote may hear */
+	CHECK_EQUAL(step(1).port_state[0], HM2_PORT_GIVEN_UP);
+	hm2_sserial_get_counters(rig.mailbox.port, &after);
+	CHECK(after.doits - before.doits >= 3);
+	(void)step(5);
+	hm2_sserial_get_counters(rig.mailbox.port, &before);
+	CHECK_EQUAL(before.doits, after.doits);
 	tear_down();
 }
 

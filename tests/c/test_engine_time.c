@@ -378,10 +378,9 @@ static void test_a_write_that_fails_is_a_failed_cycle(void)
 		const hm2_engine_status status = write_and_step(&rig, 7 + i, 1);
 		CHECK_EQUAL(status.status, HM2_ERR_TIMEOUT);
 		CHECK_EQUAL(status.stale, i);
-		CHECK_EQUAL(status.off, i < 2 ? 0 : HM2_OFF_STALE);
 		CHECK_EQUAL(rig.card.output, 7);
 	}
-	(void)step(&rig, 1);
+	CHECK_EQUAL(step(&rig, 1).off, HM2_OFF_STALE); /* before anything more goes out */
 	CHECK_EQUAL(rig.card.output, 0);
 	tear_down(&rig);
 }
