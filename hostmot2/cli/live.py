@@ -47,7 +47,8 @@ def live(
     Cycles run at --rate; each topic gets messages at --json-rate.
     Remotes that answer are started with their outputs at zero; nothing is switched on, and viewers cannot
     write. Prints `ready ws://HOST:PORT` when viewers can connect: in Foxglove "Open connection", "Foxglove
-    WebSocket"; --layout writes what "Import from file" of its layouts takes.
+    WebSocket"; --layout writes what "Import from file" of its layouts takes. A card that another program
+    drives is left alone (exit status 7).
 
     Only programs on this computer can look, unless --host says otherwise: then everybody who reaches that
     address can, without a password.

@@ -40,7 +40,8 @@ def record(
     """Record every cycle: inputs and raw registers.
 
     Remotes that answer are started with their outputs at zero; nothing is switched on. Every cycle is in the
-    file for `hm2 play`, `plot` and `export`; viewers such as Foxglove get JSON at --json-rate.
+    file for `hm2 play`, `plot` and `export`; viewers such as Foxglove get JSON at --json-rate. A card that
+    another program drives is left alone (exit status 7): record in that program.
 
     \b
     Examples:

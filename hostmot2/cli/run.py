@@ -11,6 +11,7 @@ from typing import Any
 import click
 
 from hostmot2.board import Board
+from hostmot2.modules.driven import raise_if_driven
 from hostmot2.registers import Gtag
 
 PASS_SECONDS = 0.05
@@ -22,7 +23,11 @@ def has_sserial(board: Board) -> bool:
 
 
 def start_remotes(board: Board) -> None:
-    """Start every remote that answers, its outputs at zero; says on stderr which did not start."""
+    """Start every remote that answers, its outputs at zero; says on stderr which did not start.
+
+    Raises CardBusy if another program drives the card: it would lose its remotes, and its outputs.
+    """
+    raise_if_driven(board)
     if not has_sserial(board):
         return
     for port in board.sserial:

@@ -42,5 +42,6 @@ def raise_if_driven(board: Board) -> None:
     if is_driven(board):
         raise CardBusy(
             f"{board.name} at {board.url} is driven by another program: somebody feeds its watchdog. "
-            "End that program first, or only look: `hm2 monitor` without --start"
+            "End that program first, or only look: `hm2 monitor` without --start. What a program of hostmot2 "
+            "drives it can record and show itself: hostmot2.recording, hostmot2.live"
         )
