@@ -19,6 +19,8 @@ PAGE = FOLDER.parent / "promises.md"
 SOURCES = {
     "interrupts": "python -m tests.faults.interrupts --count 10000 "
     "-o docs/reference/promises/interrupts.json",
+    "forks": "python -m tests.faults.forks --count {count} -o docs/reference/promises/forks.json",
+    "endings": "python -m tests.faults.endings --count {count} -o docs/reference/promises/endings.json",
     "kills": "python -m tests.faults.kills -o docs/reference/promises/kills.json",
     "soak": "python -m tests.faults.soak --seconds 600 --real-time -o docs/reference/promises/soak.json",
 }
@@ -129,6 +131,34 @@ def _interrupts(figures: dict[str, Any]) -> str:
     )
 
 
+def _listed(counts: dict[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in sorted(counts.items(), key=lambda each: -each[1]))
+
+
+def _forks(figures: dict[str, Any]) -> str:
+    command = SOURCES["forks"].format(**figures)
+    return (
+        f"\n## Fork at any moment\n\n`{command}`: the same program forks at random moments; the child "
+        "closes the board, tries to write to the card, ends as the interpreter does, or leaves the program's "
+        "blocks. Nothing of it reaches the card, and the parent goes on to its end. "
+        f"**{figures['forked']} forks ({_listed(figures['places'])}), {figures['wrong']} wrong**, none "
+        "hung.\n"
+    )
+
+
+def _endings(figures: dict[str, Any]) -> str:
+    command = SOURCES["endings"].format(**figures)
+    return (
+        f"\n## The end of a process at any moment, in real time\n\n`{command}`: processes drive pins of a "
+        "card that is a mapped file, exchange, and run the engine's thread; each ends at a random moment by "
+        "a signal or `sys.exit()`, down to the end of the interpreter, or forks a child that ends so. Behind "
+        "the end of a process no pin is driven, the card is free for the next one, and the exit status is "
+        "what a shell expects; behind the end of a child the pins are driven as before. "
+        f"**{figures['count']} processes, {figures['wrong']} wrong**, none hung. Ended before their own end: "
+        f"{_listed(figures['ended'])}; while {_listed(figures['places'])}.\n"
+    )
+
+
 def _kills(figures: dict[str, Any]) -> str:
     return (
         "\n## SIGKILL at any moment, with a motor turning\n\n"
@@ -161,7 +191,14 @@ def _soak(figures: dict[str, Any]) -> str:
 
 def page() -> str:
     """The page, of what figures there are."""
-    sections = {"faults": _faults, "interrupts": _interrupts, "kills": _kills, "soak": _soak}
+    sections = {
+        "faults": _faults,
+        "interrupts": _interrupts,
+        "forks": _forks,
+        "endings": _endings,
+        "kills": _kills,
+        "soak": _soak,
+    }
     text = HEAD + "\n"
     for name, section in sections.items():
         path = FOLDER / f"{name}.json"

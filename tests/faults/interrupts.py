@@ -87,7 +87,7 @@ def _interrupt(_number: int, _frame: object) -> None:
     raise KeyboardInterrupt
 
 
-def _measure() -> dict[str, float]:
+def measure() -> dict[str, float]:
     """How long each phase lasts undisturbed."""
     lasts: dict[str, list[float]] = {phase: [] for phase in PHASES}
     for _ in range(9):
@@ -146,7 +146,7 @@ def interrupt(count: int, seed: int) -> Interrupts:
     draw = random.Random(seed)
     result = Interrupts()
     before = signal.signal(signal.SIGALRM, _interrupt)
-    lasts = _measure()
+    lasts = measure()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)  # interrupted before anybody could know the board
         while result.interrupted < count and result.count < 10 * count:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 
 from faults.enumeration import pairs, run_pairs
@@ -35,3 +39,14 @@ def test_every_datagram_is_accounted_for_and_memory_stays_what_it_was() -> None:
     result = soak(10.0, 2000.0, "0.1%", every=1.0)
     assert result.lost > 0
     assert not result.wrong(), result.wrong()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("what", "count"), [("forks", 120), ("endings", 40)])
+def test_forked_children_and_processes_that_end_leave_the_card_as_they_should(what: str, count: int) -> None:
+    command = [sys.executable, "-m", f"tests.faults.{what}", "--count", str(count)]
+    done = subprocess.run(
+        command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False, timeout=200
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "0 wrong" in done.stdout
