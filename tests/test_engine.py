@@ -140,7 +140,7 @@ def test_names_work_in_any_capitals_and_by_their_unique_end(board: Any) -> None:
     engine = board.engine()
     assert engine.outputs.index("SSERIAL0.1.ANALOGOUT0") == engine.outputs.index("analogout0")
     with pytest.raises(KeyError, match=r"encoder0\.position, encoder1\.position"):
-        engine._input_names["position"]
+        engine._vectors.input_names["position"]
 
 
 def test_a_frame_is_of_one_cycle(board: Any, emulated: EmulatedBoard) -> None:
@@ -569,3 +569,17 @@ def test_readings_before_the_first_transfer_are_the_last_ones(emulated: Emulated
         frame = engine.step()  # its exchange brings no result yet
         assert frame.inputs["0.input"] == 0x04030201
         assert int(card.inputs) == 0x04030201
+
+
+def test_commands_keep_their_values_when_something_is_added(board: Any) -> None:
+    engine = board.engine()
+    outputs = engine.outputs
+    axis = engine.add_pid("x", feedback="encoder0.position", output="analogout0", p=1.0)
+    axis.position = 0.25
+    engine.outputs["analogout3"] = 3.0
+    engine.add_command("later")
+    assert engine.outputs is outputs
+    assert (axis.position, outputs["analogout3"], outputs["later"]) == (0.25, 3.0, 0.0)
+    with engine:
+        assert run(engine, 2).sent["analogout3"] == 3.0
+        assert run(engine, 1).sent["analogout0"] == 0.25

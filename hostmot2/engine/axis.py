@@ -54,7 +54,8 @@ class Axis:
         self._engine = engine
         self.number = number
         self.name = name
-        self._with_velocity = with_velocity
+        self.with_velocity = with_velocity
+        """Whether the command comes with its velocity."""
         self.pid = pid
 
     @property

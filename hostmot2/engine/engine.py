@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import os
-import threading
-import time
 import weakref
-from collections import deque
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from types import TracebackType
@@ -16,31 +13,29 @@ import numpy as np
 
 from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
-from hostmot2.engine import signals as signal
 from hostmot2.engine.axis import Axis, pid_of
-from hostmot2.engine.control import Controls
-from hostmot2.engine.facts import EngineStatus, Event, Off, event_of, status_of
+from hostmot2.engine.build import Plan, Wiring, build
+from hostmot2.engine.facts import status_of
 from hostmot2.engine.frame import Frame
 from hostmot2.engine.lend import lend
 from hostmot2.engine.options import Options, new_config, warn_of
 from hostmot2.engine.restart import Restarter
-from hostmot2.engine.signals import Commands, Names, Readings, Signal
-from hostmot2.errors import EngineError, check, new_error
-from hostmot2.handles import own
-from hostmot2.histogram import Histogram
-from hostmot2.record_ring import STAGES, RecordRing, record_dtype
+from hostmot2.engine.signals import Commands, PortData, Readings, Signal
+from hostmot2.engine.vectors import Vectors, doubles
+from hostmot2.engine.view import EngineView
+from hostmot2.errors import EngineError, check
+from hostmot2.record_ring import RecordRing, record_dtype
 from hostmot2.registers import Gtag
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
     from hostmot2.sserial import SserialPort
 
-EVENTS_KEPT = 10_000
 WAIT_NS = 50_000_000
 _running: weakref.WeakSet[Engine] = weakref.WeakSet()
 
 
-class Engine:
+class Engine(EngineView):
     """A thread in C that reads, controls and writes everything in use on a board, `rate` times a second.
 
     rate: cycles per second, up to 20000. style: "pipelined" (one exchange a cycle: what was controlled in the
@@ -74,81 +69,39 @@ class Engine:
         restart_ports: int = 0,
         **options: Unpack[Options],
     ) -> None:
-        self.board = board
-        self.rate = rate
+        super().__init__(board, rate, _running_ports(board))
         self.restart_ports = restart_ports
-        self.handle: Any = None
-        self._lock = threading.RLock()  # behind the board's lock, where both are needed
-        self._error = new_error()
-        self._config = new_config(board, rate, **options)
-        self._ports = [signal.PortData(p) for p in self._running_ports()]
-        self._collect()
-        self._axes: list[tuple[Axis, tuple[str, str, str | None, str]]] = []
-        self._controls = Controls()
-        self._ring: RecordRing | None = None
-        self._events: deque[Event] = deque(maxlen=EVENTS_KEPT)
-        self._started = False
+        self._vectors = Vectors(board, self._ports)
+        self._plan = Plan(new_config(board, rate, **options), self._ports, self._vectors)
         self._restarter: Restarter | None = None
-        self.restart_problems: list[str] = []
-        """Why ports that were given up could not be started anew, in sentences, oldest first."""
         self._pid = os.getpid()
 
     # -- what it is made of
 
-    def _running_ports(self) -> list[Any]:
-        if "sserial" not in self.board._parts:
-            return []
-        return [port for port in self.board.sserial if port.mode == "normal" and port.started]
-
-    def _collect(self) -> None:
-        stepgen_inputs, stepgen_outputs = signal.stepgen_signals(self.board)
-        self._input_signals = signal.encoder_signals(self.board) + stepgen_inputs
-        self._output_signals = list(stepgen_outputs)
-        for port in self._ports:
-            self._input_signals += port.inputs
-            self._output_signals += port.outputs
-        self._input_signals += signal.gpio_signals(self.board)
-        self._name()
-
-    def _name(self) -> None:
-        """Vectors for the signals there are now."""
-        self._input_names = Names(each.name for each in self._input_signals)
-        outputs = Names(each.name for each in self._output_signals)
-        self.outputs = Commands(outputs, np.zeros(len(outputs)))
-        """What write() sends, by name; `outputs.array` is all of it."""
-        self._mirrors_in = signal.c_signals(self._input_signals, mirrors=True)
-        self._mirrors_out = signal.c_signals(self._output_signals, mirrors=True)
-        self._mirrored = np.zeros(len(outputs))
-        lib.hm2_signals_load(self._mirrors_out, len(outputs), _doubles(self._mirrored))
-        has_mirror = np.array([each.mirror is not None for each in self._output_signals], bool)
-        self.outputs.array[has_mirror] = self._mirrored[has_mirror]
-        self._has_mirror = has_mirror
+    @property
+    def outputs(self) -> Commands:
+        """What write() sends, by name; `outputs.array` is all of it, as long as nothing is added."""
+        return self._vectors.commands
 
     @property
     def input_names(self) -> list[str]:
         """Names of all inputs, in the order of the vectors."""
-        return list(self._input_names)
+        return list(self._vectors.input_names)
 
     @property
     def signals(self) -> tuple[list[Signal], list[Signal]]:
         """Inputs and outputs with their units, in the order of the vectors."""
-        return list(self._input_signals), list(self._output_signals)
+        return list(self._vectors.inputs), list(self._vectors.outputs)
 
     def add_input(self, added: Signal) -> None:
         """One more input: a number in memory that a part of the board's cycle reads into. Before start()."""
         self._before_start()
-        if added.name in self.input_names:
-            raise ValueError(f"there is an input {added.name!r} already")
-        self._input_signals.append(added)
-        self._name()
+        self._vectors.add_input(added)
 
     def add_command(self, name: str) -> None:
         """A number among the outputs that goes to controllers only. Before start()."""
         self._before_start()
-        if name in list(self.outputs):
-            raise ValueError(f"there is an output {name!r} already")
-        self._output_signals.append(Signal(name, hold=True))
-        self._name()
+        self._vectors.add_command(name)
 
     def add_control(self, function: Any, context: Any = None) -> None:
         """Run a compiled function in every cycle, in the engine's thread, between inputs and outputs.
@@ -168,7 +121,7 @@ class Engine:
         for address 0 and for more than 8 functions.
         """
         self._before_start()
-        self._controls.add(function, context)
+        self._plan.controls.add(function, context)
 
     def add_pid(
         self,
@@ -187,19 +140,20 @@ class Engine:
         command comes with its velocity. settings: see axis.SETTINGS. Raises KeyError for the names.
         """
         self._before_start()
-        feedback_name = self.input_names[self._input_names[feedback]]
+        readings = self._vectors.input_names
+        feedback_name = self.input_names[readings[feedback]]
         if feedback_velocity is None and feedback_name.endswith(".position"):
             beside = feedback_name.removesuffix("position") + "velocity"
-            feedback_velocity = beside if beside in self._input_names else None
+            feedback_velocity = beside if beside in readings else None
         if feedback_velocity is not None:
-            self._input_names[feedback_velocity]
+            readings[feedback_velocity]
         self.outputs.index(output)
         pid = pid_of(settings)
         self.add_command(f"{name}.position")
         if velocity_command:
             self.add_command(f"{name}.velocity")
-        axis = Axis(self, len(self._axes), name, velocity_command, pid)
-        self._axes.append((axis, (feedback_name, output, feedback_velocity, name)))
+        axis = Axis(self, len(self._plan.axes), name, velocity_command, pid)
+        self._plan.axes.append(Wiring(axis, feedback_name, output, feedback_velocity))
         return axis
 
     def record(self, slots: int = 8192, words: int = 128) -> RecordRing:
@@ -210,30 +164,17 @@ class Engine:
         EngineError for the second who asks.
         """
         self._before_start()
-        if self._ring is not None:
+        if self._plan.ring is not None:
             raise EngineError("the engine's records go to somebody already")
-        dtype = record_dtype(words, len(self._input_signals), len(self._output_signals))
-        self._ring = RecordRing(dtype, slots)
-        return self._ring
-
-    def layout(self) -> list[tuple[int, bool]]:
-        """Address, and whether written, of each word of the records' image. Grows in the first cycles."""
-        if not self.handle:
-            return []
-        words: Any = ffi.new("uint32_t[]", lib.HM2_RECORD_WORDS)
-        count = lib.hm2_engine_layout(self.handle, words, lib.HM2_RECORD_WORDS)
-        return [(word & ~1, bool(word & 1)) for word in words[0:count]]
+        dtype = record_dtype(words, len(self._vectors.inputs), len(self._vectors.outputs))
+        self._plan.ring = RecordRing(dtype, slots)
+        return self._plan.ring
 
     def _before_start(self) -> None:
         if self.handle:
             raise EngineError("the engine has been started: make another one")
 
     # -- running
-
-    @property
-    def running(self) -> bool:
-        """Whether it has the board: between start() and stop()."""
-        return self._started
 
     def start(self) -> Self:
         """Arm the watchdog, take the board's cycle and begin, outputs off until write().
@@ -278,59 +219,17 @@ class Engine:
         for port in self._ports:
             port.take()  # before the cycle is looked at: its first time makes it part of that
         if not self.handle:
-            self._build(self.board.cycle.handle)
+            self.handle, self._kept = build(self._plan, self.board.handle, self.board.cycle.handle)
             self.board.on_close(self.stop, SafeOff.SESSION)
 
     def _give_back(self) -> None:
         for port in self._ports:
             port.give_back()
 
-    def _build(self, cycle: Any) -> None:
-        inputs, outputs = signal.c_signals(self._input_signals), signal.c_signals(self._output_signals)
-        handle = ffi.new("struct hm2_engine **")
-        sizes = len(self._input_signals), len(self._output_signals)
-        if max(sizes) > lib.HM2_ENGINE_SIGNALS:
-            raise ValueError(
-                f"{max(sizes)} inputs or outputs, an engine moves {lib.HM2_ENGINE_SIGNALS} of each"
-            )
-        status = lib.hm2_engine_new(
-            self.board.handle, cycle, self._config, inputs, sizes[0], outputs, sizes[1], handle, self._error
-        )
-        check(status, self._error)
-        # the engine works on all of this for as long as it lives
-        self._keep = (cycle, self._ports, self._controls, self._ring, self._config)
-        made, self._kept = own(handle[0], lib.hm2_engine_free)
-        for port in self._ports:
-            check(lib.hm2_engine_add_port(made, port.port._core.handle, self._error), self._error)
-        for control in self._controls.pointers:
-            check(lib.hm2_engine_add_control(made, *control, self._error), self._error)
-        for axis, names in self._axes:
-            self._build_axis(made, axis, *names)
-        if self._ring is not None:
-            words = self._ring.dtype.fields["words"][0].shape[0] if self._ring.dtype.fields else 0
-            lib.hm2_engine_set_record_ring(made, self._ring.handle, words)
-        self.handle = made  # whole, or start() may be tried again
-
-    def _build_axis(
-        self, made: Any, axis: Axis, feedback: str, output: str, velocity: str | None, name: str
-    ) -> None:
-        command_velocity = self.outputs.index(f"{name}.velocity") if axis._with_velocity else -1
-        status = lib.hm2_engine_add_pid(
-            made,
-            axis.pid,
-            self.outputs.index(f"{name}.position"),
-            command_velocity,
-            self._input_names[feedback],
-            -1 if velocity is None else self._input_names[velocity],
-            self.outputs.index(output),
-            self._error,
-        )
-        check(status, self._error)
-
     def _launch(self) -> None:
         refusals: Any = ffi.new("hm2_engine_refusals *")
         check(lib.hm2_engine_start(self.handle, refusals, self._error), self._error)
-        warn_of(refusals, self._config.cpu)
+        warn_of(refusals, self._plan.config.cpu)
 
     def stop(self) -> None:
         """Outputs off and sent, the thread ended, the board everybody's again. Idempotent."""
@@ -353,8 +252,7 @@ class Engine:
         _running.discard(self)
         self.board.cycle.engine = None
         self._give_back()
-        self.outputs.array[:] = 0.0
-        self._mirrored[:] = 0.0
+        self._vectors.clear()
         if self._has_watchdog and not self.board.watchdog.has_bitten:
             self.board.watchdog.relax()
 
@@ -377,32 +275,21 @@ class Engine:
         """
         with self._lock:
             self._require()
-            array, count = self.outputs.array, len(self.outputs.array)
-            theirs = self._mirrored.copy()
-            lib.hm2_signals_load(self._mirrors_out, count, _doubles(theirs))
-            changed = (theirs != self._mirrored) & self._has_mirror
-            array[changed] = theirs[changed]
-            if not np.isfinite(array).all():
-                bad = [name for name, value in self.outputs.items() if not np.isfinite(value)]
-                raise ValueError(f"not a number: {', '.join(bad)}")
-            lib.hm2_signals_store(self._mirrors_out, count, _doubles(array))
-            self._mirrored[:] = array
-            lib.hm2_engine_write(self.handle, _doubles(array))
+            lib.hm2_engine_write(self.handle, doubles(self._vectors.take_commands()))
 
     def read(self) -> Frame:
         """The last cycle. Its inputs are then also what the board's channels show."""
         with self._lock:
             self._require()
             status: Any = ffi.new("hm2_engine_status *")
-            inputs, sent = np.empty(len(self._input_signals)), np.empty(len(self._output_signals))
-            lib.hm2_engine_read(self.handle, status, _doubles(inputs), _doubles(sent))
-            lib.hm2_signals_store(self._mirrors_in, len(inputs), _doubles(inputs))
-            for port in self._ports:
-                port.show_counts()
+            vectors = self._vectors
+            inputs, sent = np.empty(len(vectors.inputs)), np.empty(len(vectors.outputs))
+            lib.hm2_engine_read(self.handle, status, doubles(inputs), doubles(sent))
+            vectors.show(inputs)
             return Frame(
                 status_of(status, len(self._ports)),
-                Readings(self._input_names, inputs),
-                Readings(self.outputs._names, sent),
+                Readings(vectors.input_names, inputs),
+                Readings(vectors.output_names, sent),
                 self.outputs,
             )
 
@@ -448,67 +335,6 @@ class Engine:
         """
         return lend(self, port)
 
-    # -- looking at it
-
-    def now_ns(self) -> int:
-        """The clock of records' and events' times: CLOCK_MONOTONIC, or the card's virtual time."""
-        return self.board.now_ns() if self.board.virtual_time else time.monotonic_ns()
-
-    @property
-    def status(self) -> EngineStatus:
-        """The state behind the last cycle."""
-        status: Any = ffi.new("hm2_engine_status *")
-        if self.handle:
-            lib.hm2_engine_read(self.handle, status, ffi.NULL, ffi.NULL)
-        return status_of(status, len(self._ports))
-
-    @property
-    def off(self) -> Off:
-        """Why outputs are off; 0: they are on."""
-        return self.status.off if self._started else Off.STOP
-
-    def events(self) -> list[Event]:
-        """What has happened since the last call, oldest first; the last EVENTS_KEPT at most."""
-        with self._lock:
-            self._take_events()
-            taken = list(self._events)
-            self._events.clear()
-            return taken
-
-    def _take_events(self) -> None:
-        if not self.handle:
-            return
-        buffer: Any = ffi.new("hm2_engine_event[]", 64)
-        while count := lib.hm2_engine_take_events(self.handle, buffer, 64):
-            self._events.extend(event_of(event) for event in buffer[0:count])
-
-    def trace(self) -> dict[str, Histogram]:
-        """How long each stage of STAGES took ("wake": how late it began), "cycle": all of them, "after": what
-        followed, which is the trace, the record and the publishing of the values.
-        """
-        result = {}
-        for number, name in enumerate((*STAGES, "cycle", "after")):
-            result[name] = Histogram()
-            if self.handle:
-                lib.hm2_engine_get_histogram(self.handle, number, result[name].core)
-        return result
-
-    def slowest(self) -> np.ndarray[Any, Any]:
-        """Headers of the slowest cycles' records, slowest first; `stage_ns` is indexed as STAGES."""
-        records = np.zeros(lib.HM2_ENGINE_SLOWEST, record_dtype())
-        count = 0
-        if self.handle:
-            count = lib.hm2_engine_slowest(
-                self.handle, ffi.cast("hm2_record *", records.ctypes.data), len(records)
-            )
-        found = records[:count]
-        return found[np.argsort(-found["stage_ns"][:, len(STAGES) - 1].astype(np.int64), kind="stable")]
-
-    def reset_trace(self) -> None:
-        """Begin histograms and slowest cycles anew."""
-        if self.handle:
-            lib.hm2_engine_reset_trace(self.handle)
-
     def _require(self) -> None:
         if not self._started:
             raise EngineError("the engine is not running: start() it")
@@ -521,18 +347,11 @@ class Engine:
     ) -> None:
         self.stop()
 
-    def __repr__(self) -> str:
-        state = self.status
-        off = state.off.name if state.off else "on"
-        return (
-            f"<Engine {self.rate:g} Hz, {'running' if self._started else 'stopped'}, cycle {state.cycles}, "
-            f"outputs {off if self._started else 'off'}, {state.failures} failures, "
-            f"{state.overruns} overruns>"
-        )
 
-
-def _doubles(array: np.ndarray[Any, Any]) -> Any:
-    return ffi.cast("double *", array.ctypes.data)
+def _running_ports(board: Board) -> list[PortData]:
+    if "sserial" not in board._parts:
+        return []
+    return [PortData(port) for port in board.sserial if port.mode == "normal" and port.started]
 
 
 def _after_fork() -> None:

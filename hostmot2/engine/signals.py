@@ -116,6 +116,11 @@ class Commands(Readings, MutableMapping[str, float]):
 
     __slots__ = ()
 
+    def extend(self, names: Names) -> None:
+        """Further values at the end, 0, as `names` has them."""
+        self.array = np.append(self.array, np.zeros(len(names) - len(self.array)))
+        self._names = names
+
     def __setitem__(self, name: str, value: float) -> None:
         self.array[self._names[name]] = value
 

@@ -1,0 +1,94 @@
+"""The vectors of an engine: which numbers there are, and how they follow what is said through cards."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hostmot2._core import ffi, lib
+from hostmot2.engine import signals as signal
+from hostmot2.engine.signals import Commands, Doubles, Names, Signal
+
+if TYPE_CHECKING:
+    from hostmot2.board import Board
+
+
+def doubles(array: Doubles) -> Any:
+    """The `double *` of an array."""
+    return ffi.cast("double *", array.ctypes.data)
+
+
+class Vectors:
+    """Inputs and outputs of everything in use on a board, and the commands for them.
+
+    `Channel.inputs`, `Channel.outputs` and the like are mirrors: they show the inputs last read, and what is
+    assigned to them goes out with the next write.
+    """
+
+    def __init__(self, board: Board, ports: list[signal.PortData]) -> None:
+        self._ports = ports
+        stepgen_inputs, stepgen_outputs = signal.stepgen_signals(board)
+        self.inputs = signal.encoder_signals(board) + stepgen_inputs
+        self.outputs = list(stepgen_outputs)
+        for port in ports:
+            self.inputs += port.inputs
+            self.outputs += port.outputs
+        self.inputs += signal.gpio_signals(board)
+        names = Names(each.name for each in self.outputs)
+        self.commands = Commands(names, np.zeros(len(names)))
+        """What is to go out, by name."""
+        self._name()
+        self.commands.array[self._has_mirror] = self._mirrored[self._has_mirror]
+
+    def _name(self) -> None:
+        self.input_names = Names(each.name for each in self.inputs)
+        self.output_names = Names(each.name for each in self.outputs)
+        self.commands.extend(self.output_names)
+        self._mirrors_in = signal.c_signals(self.inputs, mirrors=True)
+        self._mirrors_out = signal.c_signals(self.outputs, mirrors=True)
+        self._has_mirror = np.array([each.mirror is not None for each in self.outputs], bool)
+        self._mirrored = np.zeros(len(self.outputs))  # what the mirrors had when they were last looked at
+        lib.hm2_signals_load(self._mirrors_out, len(self.outputs), doubles(self._mirrored))
+
+    def add_input(self, added: Signal) -> None:
+        """One more input. Raises ValueError for a name there is."""
+        if added.name in list(self.input_names):
+            raise ValueError(f"there is an input {added.name!r} already")
+        self.inputs.append(added)
+        self._name()
+
+    def add_command(self, name: str) -> None:
+        """One more output, for controllers only. Raises ValueError for a name there is."""
+        if name in list(self.output_names):
+            raise ValueError(f"there is an output {name!r} already")
+        self.outputs.append(Signal(name, hold=True))
+        self._name()
+
+    def take_commands(self) -> Doubles:
+        """What shall go out: of the commands and what was told to cards, whatever has changed.
+
+        Raises ValueError for what is no finite number.
+        """
+        array, count = self.commands.array, len(self.outputs)
+        theirs = self._mirrored.copy()
+        lib.hm2_signals_load(self._mirrors_out, count, doubles(theirs))
+        changed = (theirs != self._mirrored) & self._has_mirror
+        array[changed] = theirs[changed]
+        if not np.isfinite(array).all():
+            bad = [name for name, value in self.commands.items() if not np.isfinite(value)]
+            raise ValueError(f"not a number: {', '.join(bad)}")
+        lib.hm2_signals_store(self._mirrors_out, count, doubles(array))
+        self._mirrored[:] = array
+        return array
+
+    def show(self, inputs: Doubles) -> None:
+        """Let the board's channels show what was read."""
+        lib.hm2_signals_store(self._mirrors_in, len(inputs), doubles(inputs))
+        for port in self._ports:
+            port.show_counts()
+
+    def clear(self) -> None:
+        """All commands zero. What cards were told is zero then, too."""
+        self.commands.array[:] = 0.0
+        self._mirrored[:] = 0.0
