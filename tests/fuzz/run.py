@@ -16,6 +16,9 @@ TESTS = Path(__file__).resolve().parents[1]
 PLACE = TESTS.parent / "build" / "fuzz"
 
 
+SAME = ("-seed=1", "-reload=0", "-use_cmp=0")
+"""With these a target is given the same inputs each time."""
+
 TIMED = "found"
 """Where inputs are kept that timed runs build upon."""
 
@@ -57,5 +60,5 @@ if __name__ == "__main__":
     if sys.argv[1] == "--all":
         sys.exit(run_all([f"-max_total_time={int(sys.argv[2])}"], TIMED))
     if sys.argv[1] == "--runs":
-        sys.exit(run_all([f"-atheris_runs={int(sys.argv[2])}", "-seed=1", "-reload=0"], "runs"))
+        sys.exit(run_all([f"-atheris_runs={int(sys.argv[2])}", *SAME], "runs"))
     run_one(sys.argv[1], sys.argv[2:])
