@@ -48,7 +48,9 @@ PHASES = ("opening", "driving", "exchanging", "engine", "closing")
 DDR, PORTS = 0x1100, 2
 ENGINE_S = 0.03
 HANGS_S = 60.0
-OFF_IN_MIDST = 9
+OFF_IN_MIDST, CHILD_FAILED = 9, 8
+CHILD_MAY = {0, 1}
+"""1: TransportClosed, where the way out led through code that wanted the card, such as close() itself."""
 
 
 @dataclass
@@ -93,6 +95,8 @@ def program(path: str, reached: Callable[[str], None]) -> None:
 def process(path: str, way: str, phase: str, delay_s: float, tell: int) -> int:
     """In the child: the program as a script of its own would run it. Returns to the interpreter's end."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number in (signal.SIGTERM, signal.SIGHUP):  # whatever nohup or a service has made of them
+        signal.signal(number, signal.SIG_DFL)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # tracebacks of those who are interrupted
     children: list[int] = []
 
@@ -114,7 +118,8 @@ def process(path: str, way: str, phase: str, delay_s: float, tell: int) -> int:
 
     program(path, reached)
     signal.setitimer(signal.ITIMER_REAL, 0)
-    return max((os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children), default=0)
+    ended = {os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) for child in children}
+    return CHILD_FAILED if ended - CHILD_MAY else 0
 
 
 # ---- who watches it ----------------------------------------------------------------------------------

@@ -120,6 +120,7 @@ class _Life:
         except _Left:
             self._end("leave the blocks")
         finally:
+            self._left = 0  # one that comes just now arms no other
             signal.setitimer(signal.ITIMER_REAL, 0)
             signal.signal(signal.SIGALRM, before)
             if self._steps >= 0:  # the child, by whatever exception
