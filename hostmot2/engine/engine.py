@@ -170,6 +170,11 @@ class Engine(EngineView):
         self._plan.ring = RecordRing(dtype, slots)
         return self._plan.ring
 
+    def drop_records(self) -> None:
+        """Nobody wants the records after all, and somebody else may ask for them. Before start()."""
+        self._before_start()
+        self._plan.ring = None
+
     def _before_start(self) -> None:
         if self.handle:
             raise EngineError("the engine has been started: make another one")

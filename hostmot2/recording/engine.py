@@ -64,6 +64,12 @@ def record(
             ...
 
     slots, words: see EngineRecords. json_rate: see Recorder. Reads the card's registers once. Raises
-    EngineError if the engine has been started, OSError for the file, TransportError.
+    EngineError if the engine has been started, OSError for the file, RecordingFailed if another recording is
+    being written to it, TransportError.
     """
-    return EngineRecords(engine, slots=slots, words=words).recorder(path, json_rate=json_rate)
+    records = EngineRecords(engine, slots=slots, words=words)
+    try:
+        return records.recorder(path, json_rate=json_rate)
+    except BaseException:
+        engine.drop_records()  # it may be tried again, elsewhere
+        raise

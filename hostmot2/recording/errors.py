@@ -39,11 +39,15 @@ class RecordingTooLarge(RecordingError):
 
 
 class RecordingFailed(RecordingError):
-    """The writer had to stop (disk full, for instance); what had been written until then is in the file."""
+    """The writer had to stop (disk full, for instance), or another one has the file.
+
+    What had been written until then is in it.
+    """
 
     code = "HM2-E113"
     causes = (
         "the disk is full",
         "the directory is gone, or may not be written",
+        "another recording is being written to the same file",
     )
     fix = "Free space on the disk or record elsewhere; the file reads up to where it ends."

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import stat
 import weakref
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 from mcap.writer import CompressionType, Writer
 
 from hostmot2.recording import format as form
+from hostmot2.recording.errors import RecordingFailed
 from hostmot2.recording.format import Signal
 from hostmot2.recording.topics import Message, Messages, topics
 
@@ -26,6 +28,31 @@ def _version(package: str) -> str:
         return version(package)
     except PackageNotFoundError:  # a source tree
         return "0"
+
+
+def _opened(path: str | os.PathLike[str]) -> BinaryIO:
+    """The file, emptied and this recording's alone: two would spoil it for each other.
+
+    Raises OSError, and RecordingFailed while another recording is being written to it.
+    """
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        _lock(descriptor, os.fspath(path))
+        if stat.S_ISREG(os.fstat(descriptor).st_mode):
+            os.ftruncate(descriptor, 0)
+        return os.fdopen(descriptor, "wb")
+    except BaseException:
+        os.close(descriptor)
+        raise
+
+
+def _lock(descriptor: int, path: str) -> None:
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        raise RecordingFailed(f"{path}: another recording is being written to this file") from None
+    except OSError:
+        pass  # a file system without locks
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +80,7 @@ class RecordingFile:
     ) -> None:
         self._messages = Messages(inputs, outputs, unix_ns)
         self._batch = 0
-        self._stream = Path(path).open("wb")  # noqa: SIM115
+        self._stream = _opened(path)
         _open.add(self)
         self._writer: Any = Writer(self._stream, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(library=f"hostmot2/{_version('hostmot2')} mcap/{_version('mcap')}")

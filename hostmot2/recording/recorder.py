@@ -24,7 +24,8 @@ class Recorder(Pump):
     clock: the board's, ns (`board.now_ns`), to which `start_ns` belongs.
 
     An existing file is replaced. Nothing else may pop from the ring meanwhile. Raises ValueError when signals
-    and records do not agree, OSError when the file cannot be made.
+    and records do not agree, OSError when the file cannot be made, RecordingFailed while another recording is
+    being written to it.
 
     Thread-safety: start, close, log and counters from any thread.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -60,7 +61,7 @@ class Messages:
         self._names = {form.INPUTS: form.json_names(inputs), form.OUTPUTS: form.json_names(outputs)}
         self._unix_ns = unix_ns
         self._encode = msgspec.json.Encoder().encode
-        self.last_ns = max(unix_ns, 0)
+        self.last_ns = time.time_ns()  # a viewer's time line begins with the first message
         """The time of the last record, for messages without one of their own."""
 
     def time(self, board_ns: int) -> int:

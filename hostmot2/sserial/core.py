@@ -8,12 +8,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import numpy as np
-
 from hostmot2._core import ffi, lib
 from hostmot2.cycle import Cycle, Order
 from hostmot2.errors import check, new_error
-from hostmot2.handles import own
+from hostmot2.handles import own, words_at
 from hostmot2.layout import Layout
 from hostmot2.process_data import ProcessData, Words
 from hostmot2.registers import SslbpChannel, SslbpLocal
@@ -238,9 +236,7 @@ class Core:
     def _words(self, member: str) -> Words:
         """A member of the image as [channel, register]."""
         address = ffi.cast("uint8_t *", self._image) + ffi.offsetof("hm2_sserial_image", member)
-        buffer = ffi.buffer(address, 4 * CHANNELS * _WORDS_PER_CHANNEL)
-        words = np.frombuffer(memoryview(buffer), np.uint32)
-        return words.reshape(CHANNELS, _WORDS_PER_CHANNEL)[:, : self.registers]
+        return words_at(address, (CHANNELS, _WORDS_PER_CHANNEL), self._kept)[:, : self.registers]
 
     def take_faults(self) -> tuple[list[Fault], int]:
         """New faults, oldest first, and how many were lost because nobody took them."""
