@@ -1,7 +1,7 @@
 # Every target sets itself up: a virtual environment in .venv, the extension built in place.
 VENV    := .venv
 PY      := $(VENV)/bin/python
-CORE    := $(shell find csrc -name '*.c' -o -name '*.h') hostmot2/_bound.c hostmot2/_bound.c
+CORE    := $(shell find csrc -name '*.c' -o -name '*.h') hostmot2/_bound.c
 EXT     := hostmot2/_core.abi3.so
 FUZZ_SECONDS ?= 60
 

@@ -181,10 +181,8 @@ int sserial_cyclic_news(struct hm2_sserial *port, uint32_t *requested, uint32_t 
 
 int hm2_sserial_cyclic_result(struct hm2_sserial *port, uint32_t *requested, hm2_error *error)
 {
-	const uint32_t failed = port->landed_failed;
-	*requested = port->landed;
-	port->landed = port->landed_failed = 0;
-	if (port->hung) {
+	uint32_t failed;
+	if (sserial_cyclic_news(port, requested, &failed) < 0) {
 		port->hung = 0;
 		return sserial_hung(port, "sserial cycle", error);
 	}

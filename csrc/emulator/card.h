@@ -1,5 +1,5 @@
 /* The emulated card: a register file with behaviour. Each module of the IDROM is one of these
- * types; a new module is one file with its operations and one row in card_types.c. */
+ * types; a new module is one file with its operations and one row of CARD_MODULE_TYPES in card_modules.h. */
 #ifndef HM2_EMULATOR_CARD_H
 #define HM2_EMULATOR_CARD_H
 

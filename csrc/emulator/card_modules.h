@@ -4,30 +4,39 @@
 
 #include "card.h"
 
-extern const struct card_module_type irq_type;
-extern const struct card_module_type watchdog_type;
-extern const struct card_module_type ioport_type;
-extern const struct card_module_type encoder_type;
-extern const struct card_module_type muxed_encoder_type;
-extern const struct card_module_type muxed_select_type;
-extern const struct card_module_type stepgen_type;
-extern const struct card_module_type pwmgen_type;
-extern const struct card_module_type dpll_type;
-extern const struct card_module_type ssr_type;
-extern const struct card_module_type outm_type;
-extern const struct card_module_type sserial_type;
-extern const struct card_module_type rcpwm_type;
-extern const struct card_module_type tp_pwm_type;
-extern const struct card_module_type field_input_type;
-extern const struct card_module_type oneshot_type;
-extern const struct card_module_type period_type;
-extern const struct card_module_type resolver_type;
-extern const struct card_module_type ssi_type;
-extern const struct card_module_type uart_tx_type;
-extern const struct card_module_type uart_rx_type;
-extern const struct card_module_type pktuart_tx_type;
-extern const struct card_module_type pktuart_rx_type;
-extern const struct card_module_type bspi_type;
+/* The modules the emulated card knows: GTAG and operations, which are the file of that name. */
+#define CARD_MODULE_TYPES(row) \
+	row(HM2_GTAG_IRQ, irq_type) \
+	row(HM2_GTAG_WATCHDOG, watchdog_type) \
+	row(HM2_GTAG_IOPORT, ioport_type) \
+	row(HM2_GTAG_ENCODER, encoder_type) \
+	row(HM2_GTAG_MUXED_ENCODER, muxed_encoder_type) \
+	row(HM2_GTAG_MUXED_ENCODER_SELECT, muxed_select_type) \
+	row(HM2_GTAG_STEPGEN, stepgen_type) \
+	row(HM2_GTAG_PWMGEN, pwmgen_type) \
+	row(HM2_GTAG_DPLL, dpll_type) \
+	row(HM2_GTAG_SSR, ssr_type) \
+	row(HM2_GTAG_OUTM, outm_type) \
+	row(HM2_GTAG_SSERIAL, sserial_type) \
+	row(HM2_GTAG_SSERIAL_B, sserial_type) \
+	row(HM2_GTAG_RCPWM, rcpwm_type) \
+	row(HM2_GTAG_TP_PWM, tp_pwm_type) \
+	row(HM2_GTAG_INM, field_input_type) \
+	row(HM2_GTAG_INMUX, field_input_type) \
+	row(HM2_GTAG_ONESHOT, oneshot_type) \
+	row(HM2_GTAG_PERIOD, period_type) \
+	row(HM2_GTAG_RESOLVER, resolver_type) \
+	row(HM2_GTAG_SSI, ssi_type) \
+	row(HM2_GTAG_UART_TX, uart_tx_type) \
+	row(HM2_GTAG_UART_RX, uart_rx_type) \
+	row(HM2_GTAG_PKTUART_TX, pktuart_tx_type) \
+	row(HM2_GTAG_PKTUART_RX, pktuart_rx_type) \
+	row(HM2_GTAG_BSPI, bspi_type) \
+	row(HM2_GTAG_DBSPI, bspi_type)
+
+#define DECLARE_TYPE(gtag, type) extern const struct card_module_type type;
+CARD_MODULE_TYPES(DECLARE_TYPE)
+#undef DECLARE_TYPE
 
 /* ioport.c */
 struct ioport {

@@ -4,13 +4,10 @@
  * known from its header, so nobody has to wait for a gap. A gap longer than the timeout (local
  * register 0xCB) throws away what has not become a frame by then. Without CRC every command is a
  * frame of its own. */
+#include "line.h"
 #include "remote_state.h"
 
 #include <string.h>
-
-#define BITS_PER_BYTE 10
-#define STOP_BIT_MIDDLE_HALF_BITS 19
-#define BAUD_TOLERANCE 25 /* 1/25: at 4 % the stop bit of an 8N1 byte is still hit */
 
 static void start_frame(remote_receiver *rx)
 {
@@ -135,16 +132,9 @@ static void take_byte(hm2_remote *remote, uint8_t value, int64_t heard_ps)
 	}
 }
 
-static int misheard(const hm2_remote *remote, const hm2_line_byte *byte)
-{
-	int64_t off = byte->bit_ps > remote->bit_ps ? byte->bit_ps - remote->bit_ps : remote->bit_ps - byte->bit_ps;
-
-	return byte->framing_error || off * BAUD_TOLERANCE > remote->bit_ps;
-}
-
 void hm2_remote_line_receive(hm2_remote *remote, const hm2_line_byte *byte)
 {
-	int64_t heard_ps = byte->start_ps + STOP_BIT_MIDDLE_HALF_BITS * byte->bit_ps / 2;
+	int64_t heard_ps = line_heard_ps(byte, byte->bit_ps);
 
 	if (!remote_alive(remote))
 		return;
@@ -154,7 +144,7 @@ void hm2_remote_line_receive(hm2_remote *remote, const hm2_line_byte *byte)
 		remote->now_ps = heard_ps;
 		remote_check_watchdog(remote);
 	}
-	if (misheard(remote, byte))
+	if (line_misheard(byte, remote->bit_ps))
 		discard_until_gap(remote);
 	else if (!remote->rx.discarding)
 		take_byte(remote, byte->value, heard_ps);

@@ -1,13 +1,11 @@
 /* The UARTs of an SSERIAL instance: 16-byte FIFOs, rates by phase accumulator, bytes with times. */
 #include "lbp.h"
+#include "line.h"
 #include "sslbp_state.h"
 
 #include <string.h>
 
 #define ACCUMULATOR_BITS 20
-#define BITS_PER_BYTE 10
-#define STOP_BIT_MIDDLE_HALF_BITS 19
-#define BAUD_TOLERANCE 25 /* 1/25: at 4 % the stop bit of an 8N1 byte is still hit */
 
 void sslbp_uart_set_rate(struct hm2_sslbp *s, int channel, uint32_t baud)
 {
@@ -34,11 +32,6 @@ void sslbp_uart_reset(struct hm2_sslbp *s, int channel)
 	uart->tx_count = 0;
 	uart->tx_free = uart->tx_emptied = 0;
 	uart->bit_ps = 0;
-}
-
-static int64_t sampled_ps(const hm2_line_byte *byte, int64_t bit_ps)
-{
-	return byte->start_ps + STOP_BIT_MIDDLE_HALF_BITS * bit_ps / 2;
 }
 
 static void record(struct hm2_sslbp *s, const struct sslbp_uart *uart, const hm2_line_byte *byte, int to_remote)
@@ -73,10 +66,9 @@ static void deliver(struct hm2_sslbp *s, struct sslbp_uart *uart)
 
 static void receive(struct sslbp_uart *uart, const hm2_line_byte *byte)
 {
-	int64_t off = byte->bit_ps > uart->bit_ps ? byte->bit_ps - uart->bit_ps : uart->bit_ps - byte->bit_ps;
 	if (!uart->receives || uart->bit_ps == 0)
 		return;
-	if (byte->framing_error || off * BAUD_TOLERANCE > uart->bit_ps)
+	if (line_misheard(byte, uart->bit_ps))
 		uart->broken = 1;
 	if (uart->rx_count < FIFO_SIZE)
 		uart->rx[uart->rx_count++] = byte->value;
@@ -90,9 +82,9 @@ void sslbp_uart_run(struct hm2_sslbp *s, int channel, int64_t until)
 		hm2_line_byte byte;
 		int64_t heard = NEVER, arrived = NEVER;
 		if (uart->tx_count)
-			heard = sampled_ps(&uart->tx[uart->tx_head], uart->tx[uart->tx_head].bit_ps);
+			heard = line_heard_ps(&uart->tx[uart->tx_head], uart->tx[uart->tx_head].bit_ps);
 		if (uart->remote != NULL && hm2_remote_line_peek(uart->remote, &byte))
-			arrived = sampled_ps(&byte, byte.bit_ps);
+			arrived = line_heard_ps(&byte, byte.bit_ps);
 		if (heard <= arrived && heard <= until_ps) {
 			deliver(s, uart);
 		} else if (arrived <= until_ps) {
@@ -111,9 +103,9 @@ int64_t sslbp_uart_next_event(struct hm2_sslbp *s, int channel)
 	hm2_line_byte byte;
 	int64_t at = NEVER;
 	if (uart->tx_count)
-		at = sampled_ps(&uart->tx[uart->tx_head], uart->tx[uart->tx_head].bit_ps);
+		at = line_heard_ps(&uart->tx[uart->tx_head], uart->tx[uart->tx_head].bit_ps);
 	if (uart->remote != NULL && hm2_remote_line_peek(uart->remote, &byte)) {
-		int64_t arrived = sampled_ps(&byte, byte.bit_ps);
+		int64_t arrived = line_heard_ps(&byte, byte.bit_ps);
 		if (arrived < at)
 			at = arrived;
 	}

@@ -230,7 +230,7 @@ class Core:
         self._data = ProcessData(
             layouts, input_image=self._words("inputs"), output_image=self._words("outputs")
         )
-        lib.hm2_sserial_set_process_data(self.handle, self._data._plan)
+        lib.hm2_sserial_set_process_data(self.handle, self._data.plan)
         return self._data
 
     def _words(self, member: str) -> Words:
