@@ -10,43 +10,13 @@ from hostmot2 import registers
 from hostmot2.registers import Gtag
 
 _PINS: Mapping[int, type[IntEnum]] = {
-    Gtag.ENCODER: registers.EncoderPin,
+    **registers.PINS,
     Gtag.MUXED_ENCODER: registers.EncoderPin,
-    Gtag.MUXED_ENCODER_SELECT: registers.MuxedEncoderSelectPin,
     Gtag.MUXED_ENCODER_MIM_SELECT: registers.MuxedEncoderSelectPin,
-    Gtag.STEPGEN: registers.StepgenPin,
-    Gtag.PWMGEN: registers.PwmgenPin,
-    Gtag.SPI: registers.SpiPin,
-    Gtag.SSI: registers.SsiPin,
-    Gtag.UART_TX: registers.UartTxPin,
-    Gtag.UART_RX: registers.UartRxPin,
-    Gtag.PKTUART_TX: registers.PktuartTxPin,
-    Gtag.PKTUART_RX: registers.PktuartRxPin,
-    Gtag.BSPI: registers.BspiPin,
     Gtag.DBSPI: registers.BspiPin,
-    Gtag.OLD_DPLL: registers.OldDpllPin,
-    Gtag.TP_PWM: registers.TpPwmPin,
-    Gtag.WAVEGEN: registers.WavegenPin,
-    Gtag.DAQ_FIFO: registers.DaqFifoPin,
-    Gtag.BINOSC: registers.BinoscPin,
-    Gtag.BISS: registers.BissPin,
-    Gtag.FANUC: registers.FanucPin,
-    Gtag.DPLL: registers.DpllPin,
-    Gtag.INMUX: registers.InmuxPin,
-    Gtag.INM: registers.InmPin,
-    Gtag.XY2MOD: registers.Xy2modPin,
-    Gtag.RCPWM: registers.RcpwmPin,
-    Gtag.OUTM: registers.OutmPin,
-    Gtag.RESOLVER: registers.ResolverPin,
-    Gtag.SSERIAL: registers.SserialPin,
     Gtag.SSERIAL_B: registers.SserialPin,
-    Gtag.TWIDDLER: registers.TwiddlerPin,
-    Gtag.SSR: registers.SsrPin,
-    Gtag.CPDRIVE: registers.CpdrivePin,
-    Gtag.DSAD: registers.DsadPin,
-    Gtag.ONESHOT: registers.OneshotPin,
-    Gtag.PERIOD: registers.PeriodPin,
 }
+"""What the description has, and modules whose pins are another's."""
 
 
 def pin_function(gtag: int, code: int) -> str:

@@ -59,6 +59,11 @@ def compile_description() -> Description:
     """Compiles every file; raises systemrdl.RDLCompileError with the place of a mistake."""
     compiler = RDLCompiler()
     description = Description()
+    unlisted = {path.stem for path in HERE.glob("*.rdl")} ^ set(FILES)
+    if unlisted:
+        raise SystemExit(
+            f"FILES in registers/description.py and registers/*.rdl differ in {sorted(unlisted)}"
+        )
     seen: set[str] = set()
     for file in FILES:
         compiler.compile_file(str(HERE / f"{file}.rdl"))

@@ -65,7 +65,19 @@ def python_module(description: Description) -> str:
         if has_gtag(module):
             lines += [f"    0x{integer(module, 'gtag'):02X}: {camel(module.inst_name)},"]
     lines += ["}", '"""The register map of every GTAG we know."""', ""]
-    return "\n".join(lines)
+    return "\n".join([*lines, *pin_enums(description)])
+
+
+def pin_enums(description: Description) -> Iterator[str]:
+    """Which enum names a module's pins: that of a GTAG called X is called x_pin."""
+    declared = {enum.name for _, enum in description.enums}
+    yield "PINS: Mapping[int, type[IntEnum]] = {"
+    for gtag, *_ in next(enum.members for _, enum in description.enums if enum.name == "gtag"):
+        if f"{gtag.lower()}_pin" in declared:
+            yield f"    Gtag.{gtag}: {camel(gtag)}Pin,"
+    yield "}"
+    yield '"""The secondary pin numbers of every GTAG that has some of its own."""'
+    yield ""
 
 
 def camel(name: str) -> str:

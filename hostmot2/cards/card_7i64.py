@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 from hostmot2.cards.remote_card import SingleRemoteCard
 from hostmot2.elements import Bits
-
-if TYPE_CHECKING:
-    pass
 
 
 class Card7i64(SingleRemoteCard):

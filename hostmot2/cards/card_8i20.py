@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 from hostmot2.cards.remote_card import SingleRemoteCard
 from hostmot2.drive_8i20 import FAULTS, STATUS
-
-if TYPE_CHECKING:
-    pass
 
 
 class Card8i20(SingleRemoteCard):

@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeVar
 
 from hostmot2._core import ffi, lib
 from hostmot2.emulator import catalog
-from hostmot2.emulator.cards import IDROM_WORDS, CardDescription, card
+from hostmot2.emulator.cards import DAUGHTER_REMOTES, IDROM_WORDS, CardDescription, card
 from hostmot2.emulator.encoder import EmulatedEncoder
 from hostmot2.emulator.pin import EmulatedPin
 from hostmot2.emulator.sserial_port import EmulatedSserialPort
@@ -28,13 +28,6 @@ Stimulus = TypeVar("Stimulus")
 
 UNDRIVEN: int = lib.HM2_EMULATOR_UNDRIVEN
 """What a read gives where nothing answers."""
-
-DAUGHTER_REMOTES = {
-    "7i77": ("7i77-io", "7i77-analog"),
-    "7i77d": ("7i77d-io", "7i77d-analog"),
-    "7i76": ("7i76",),
-}
-"""The remotes of a daughter card, in the order of its SSERIAL channels (fact sheet sserial.md 9)."""
 
 
 class EmulatedBoard:

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
+from hostmot2.registers import Gtag
+
 IDROM_WORDS = 256
 GPIO = 0x03000000
 MODULE_OFFSET, PIN_OFFSET = 64, 448
-
-WATCHDOG, IOPORT, QCOUNT, STEPGEN, PWM = 0x02, 0x03, 0x04, 0x05, 0x06
-MUXED_QCOUNT, MUXED_QCOUNT_SEL, HM2DPLL, LED, SSERIAL, SSR = 0x0C, 0x0D, 0x1A, 0x80, 0xC1, 0xC3
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,14 @@ class Daughter:
     """The first SSERIAL channel of its remotes."""
 
 
+DAUGHTER_REMOTES = {
+    "7i77": ("7i77-io", "7i77-analog"),
+    "7i77d": ("7i77d-io", "7i77d-analog"),
+    "7i76": ("7i76",),
+}
+"""The remotes of a daughter card in the catalogue, in the order of its SSERIAL channels (sserial.md 9)."""
+
+
 @dataclass(frozen=True)
 class CardDescription:
     """Everything an emulated card is made of. Make your own, or `dataclasses.replace` one of ours."""
@@ -71,8 +78,6 @@ class CardDescription:
     bus: str = "pci"
     """"pci" cards have the interrupt registers."""
     daughters: tuple[Daughter, ...] = ()
-    lbp16_name: str = ""
-    """The board name an Ethernet card gives in LBP16 space 7; empty for the others."""
     idrom_type: int = field(default=3)
     instance_stride: int = 64
     """The second instance stride: 64, 16 where there are UARTs."""
@@ -106,17 +111,17 @@ def pin(tag: int, number: int, unit: int = 0) -> int:
 def pins_7i77(first_channel: int, first_unit: int, select_unit: int) -> tuple[int, ...]:
     """The 17 pins of a 7I77 (registers.md 3.2)."""
     c = first_channel + 1
-    serial = [pin(SSERIAL, kind + c + n) for kind, n in (
+    serial = [pin(Gtag.SSERIAL, kind + c + n) for kind, n in (
         (0x90, 2), (0x80, 2), (0x00, 2), (0x80, 1), (0x00, 1), (0x80, 0), (0x00, 0),
     )]  # fmt: skip
-    encoders = [pin(MUXED_QCOUNT, line, first_unit + u) for u in range(3) for line in (1, 2, 3)]
-    return (*serial, pin(MUXED_QCOUNT_SEL, 0x81, select_unit), *encoders)
+    encoders = [pin(Gtag.MUXED_ENCODER, line, first_unit + u) for u in range(3) for line in (1, 2, 3)]
+    return (*serial, pin(Gtag.MUXED_ENCODER_SELECT, 0x81, select_unit), *encoders)
 
 
 def pins_7i76(first_channel: int, first_stepgen: int, encoder: Sequence[int]) -> tuple[int, ...]:
     """The 17 pins of a 7I76 (registers.md 3.3-3.5); `encoder` its Z, B and A words."""
-    steps = [pin(STEPGEN, number, first_stepgen + n) for n in range(5) for number in (0x82, 0x81)]
-    serial = [pin(SSERIAL, kind + first_channel + n + 1) for n in (0, 1) for kind in (0x80, 0x00)]
+    steps = [pin(Gtag.STEPGEN, number, first_stepgen + n) for n in range(5) for number in (0x82, 0x81)]
+    serial = [pin(Gtag.SSERIAL, kind + first_channel + n + 1) for n in (0, 1) for kind in (0x80, 0x00)]
     return (*steps, *serial, *encoder)
 
 
@@ -145,23 +150,25 @@ def _modules(
 ) -> tuple[ModuleWords, ...]:
     rows: list[ModuleWords] = []
     if dpll:
-        rows.append(ModuleWords(HM2DPLL, 0x7000, 7))
-    rows.append(ModuleWords(WATCHDOG, 0x0C00, 3))
-    rows.append(ModuleWords(IOPORT, 0x1000, 5, instances=ports, multiple=0x1F))
+        rows.append(ModuleWords(Gtag.DPLL, 0x7000, 7))
+    rows.append(ModuleWords(Gtag.WATCHDOG, 0x0C00, 3))
+    rows.append(ModuleWords(Gtag.IOPORT, 0x1000, 5, instances=ports, multiple=0x1F))
     if encoders:
-        rows.append(ModuleWords(QCOUNT, 0x3000, 5, instances=encoders, version=2, multiple=3))
+        rows.append(ModuleWords(Gtag.ENCODER, 0x3000, 5, instances=encoders, version=2, multiple=3))
     if muxed:
         rows.append(
-            ModuleWords(MUXED_QCOUNT, generation.muxed_qcount, 5, instances=muxed, version=3, multiple=3)
+            ModuleWords(
+                Gtag.MUXED_ENCODER, generation.muxed_qcount, 5, instances=muxed, version=3, multiple=3
+            )
         )
-        rows.append(ModuleWords(MUXED_QCOUNT_SEL, 0x0000, 0))
+        rows.append(ModuleWords(Gtag.MUXED_ENCODER_SELECT, 0x0000, 0))
     if sserial:
-        rows.append(ModuleWords(SSERIAL, generation.sserial, 6, strides=0x10, multiple=0x3C))
+        rows.append(ModuleWords(Gtag.SSERIAL, generation.sserial, 6, strides=0x10, multiple=0x3C))
     if stepgens:
-        rows.append(ModuleWords(STEPGEN, 0x2000, 10, instances=stepgens, version=2, multiple=0x1FF))
+        rows.append(ModuleWords(Gtag.STEPGEN, 0x2000, 10, instances=stepgens, version=2, multiple=0x1FF))
     if ssr:
-        rows.append(ModuleWords(SSR, 0x7D00, 2))
-    rows.append(ModuleWords(LED, 0x0200, 1))
+        rows.append(ModuleWords(Gtag.SSR, 0x7D00, 2))
+    rows.append(ModuleWords(Gtag.LED, 0x0200, 1))
     return tuple(rows)
 
 
@@ -186,7 +193,7 @@ def _5i25_7i77x2(generation: Generation) -> CardDescription:
 
 
 def _5i25_7i77_7i76(generation: Generation) -> CardDescription:
-    encoder = [pin(MUXED_QCOUNT, line, 3) for line in (3, 2, 1)]
+    encoder = [pin(Gtag.MUXED_ENCODER, line, 3) for line in (3, 2, 1)]
     return CardDescription(
         name="5i25+7i77+7i76",
         board_name="MESA5I25",
@@ -200,33 +207,31 @@ def _6i25(base: CardDescription) -> CardDescription:
     return replace(base, name=base.name.replace("5i25", "6i25"), board_name="MESA6I25", clock_low=66_666_666)
 
 
-def _ethernet(base: CardDescription, name: str, lbp16_name: str, **changes: object) -> CardDescription:
+def _ethernet(base: CardDescription, name: str, **changes: object) -> CardDescription:
+    """What it says over LBP16 beside its registers is in ethernet.DESCRIPTIONS."""
     values: dict[str, object] = {
-        "name": name, "lbp16_name": lbp16_name, "board_name": "MESA" + lbp16_name[:4],
+        "name": name, "board_name": "MESA" + name[:4].upper(),
         "clock_low": 100_000_000, "leds": 4, "bus": "ethernet",
     }  # fmt: skip
     return replace(base, **{**values, **changes})  # type: ignore[arg-type]
 
 
 def _7i92_7i77(generation: Generation) -> CardDescription:
-    return _ethernet(
-        _5i25_7i77(generation), "7i92+7i77", "7I92", modules=_modules(generation, 2, muxed=6, dpll=True)
-    )
+    return _ethernet(_5i25_7i77(generation), "7i92+7i77", modules=_modules(generation, 2, muxed=6, dpll=True))
 
 
 def _7i92_7i77_7i76(generation: Generation) -> CardDescription:
     return _ethernet(
         _5i25_7i77_7i76(generation),
         "7i92+7i77+7i76",
-        "7I92",
         modules=_modules(generation, 2, muxed=8, stepgens=5, dpll=True),
     )
 
 
 def _7i76e(generation: Generation) -> CardDescription:
-    encoder = [pin(QCOUNT, line) for line in (3, 2, 1)]
+    encoder = [pin(Gtag.ENCODER, line) for line in (3, 2, 1)]
     rows = list(_modules(generation, 3, dpll=True, stepgens=5, encoders=1))
-    tags = (HM2DPLL, WATCHDOG, IOPORT, STEPGEN, QCOUNT, SSERIAL, LED)
+    tags = (Gtag.DPLL, Gtag.WATCHDOG, Gtag.IOPORT, Gtag.STEPGEN, Gtag.ENCODER, Gtag.SSERIAL, Gtag.LED)
     rows.sort(key=lambda row: tags.index(row.gtag))  # the order of registers.md 3.5
     base = CardDescription(
         name="7i76e",
@@ -235,23 +240,23 @@ def _7i76e(generation: Generation) -> CardDescription:
         pins=(*pins_7i76(0, 0, encoder), *(GPIO,) * 34),
         daughters=(Daughter("7i76", 0),),
     )
-    return _ethernet(base, "7i76e", "7I76E-16", fpga_size=16, fpga_pins=256)
+    return _ethernet(base, "7i76e", fpga_size=16, fpga_pins=256)
 
 
 def _7i96(generation: Generation) -> CardDescription:
     pins = [GPIO] * 51
-    pins[11:17] = [pin(SSR, 0x81 + n) for n in range(6)]
-    pins[17:27] = [pin(STEPGEN, number, n) for n in range(5) for number in (0x81, 0x82)]
-    pins[27:30] = [pin(QCOUNT, line) for line in (1, 2, 3)]
-    pins[30:33] = [pin(SSERIAL, number) for number in (0x01, 0x81, 0x91)]
-    pins[33] = pin(SSR, 0xA0)
+    pins[11:17] = [pin(Gtag.SSR, 0x81 + n) for n in range(6)]
+    pins[17:27] = [pin(Gtag.STEPGEN, number, n) for n in range(5) for number in (0x81, 0x82)]
+    pins[27:30] = [pin(Gtag.ENCODER, line) for line in (1, 2, 3)]
+    pins[30:33] = [pin(Gtag.SSERIAL, number) for number in (0x01, 0x81, 0x91)]
+    pins[33] = pin(Gtag.SSR, 0xA0)
     base = CardDescription(
         name="7i96",
         board_name="MESA7I96",
         modules=_modules(generation, 3, dpll=True, stepgens=5, encoders=1, ssr=True),
         pins=tuple(pins),
     )
-    return _ethernet(base, "7i96", "7I96")
+    return _ethernet(base, "7i96")
 
 
 def _7i80hd(generation: Generation) -> CardDescription:
@@ -262,7 +267,7 @@ def _7i80hd(generation: Generation) -> CardDescription:
         pins=(GPIO,) * 72,
         port_width=24,
     )
-    return _ethernet(base, "7i80hd", "7I80HD-16", fpga_size=16, fpga_pins=256)
+    return _ethernet(base, "7i80hd", fpga_size=16, fpga_pins=256)
 
 
 _CARDS: dict[str, Callable[[Generation], CardDescription]] = {

@@ -12,18 +12,19 @@ import random
 import pytest
 
 from hostmot2.emulator import CardDescription, EmulatedBoard
-from hostmot2.emulator.cards import GPIO, IOPORT, QCOUNT, WATCHDOG, ModuleWords, pin
+from hostmot2.emulator.cards import GPIO, ModuleWords, pin
 from hostmot2.emulator.cards import card as known_card
+from hostmot2.registers import Gtag
 
 CARD = CardDescription(
     name="plain encoders",
     board_name="MESATEST",
     modules=(
-        ModuleWords(WATCHDOG, 0x0C00, 3),
-        ModuleWords(IOPORT, 0x1000, 5, instances=1, multiple=0x1F),
-        ModuleWords(QCOUNT, 0x3000, 5, instances=1, version=2, multiple=3),
+        ModuleWords(Gtag.WATCHDOG, 0x0C00, 3),
+        ModuleWords(Gtag.IOPORT, 0x1000, 5, instances=1, multiple=0x1F),
+        ModuleWords(Gtag.ENCODER, 0x3000, 5, instances=1, version=2, multiple=3),
     ),
-    pins=(*(pin(QCOUNT, number) for number in (1, 2, 3, 4)), *(GPIO,) * 13),
+    pins=(*(pin(Gtag.ENCODER, number) for number in (1, 2, 3, 4)), *(GPIO,) * 13),
 )
 UP = {(0, 1), (1, 3), (3, 2), (2, 0)}  # A is bit 0, B bit 1
 

@@ -12,42 +12,28 @@ from collections.abc import Callable
 import pytest
 
 from hostmot2.emulator import CardDescription, EmulatedBoard
-from hostmot2.emulator.cards import (
-    GENERATIONS,
-    GPIO,
-    HM2DPLL,
-    IOPORT,
-    LED,
-    MUXED_QCOUNT,
-    MUXED_QCOUNT_SEL,
-    PWM,
-    QCOUNT,
-    STEPGEN,
-    WATCHDOG,
-    ModuleWords,
-    pin,
-    pins_7i77,
-)
+from hostmot2.emulator.cards import GENERATIONS, GPIO, ModuleWords, pin, pins_7i77
+from hostmot2.registers import Gtag
 
 A = GENERATIONS["a"]
 MODULES = (
-    ModuleWords(HM2DPLL, 0x7000, 7),
-    ModuleWords(WATCHDOG, 0x0C00, 3),
-    ModuleWords(IOPORT, 0x1000, 5, instances=2, multiple=0x1F),
-    ModuleWords(QCOUNT, 0x3000, 5, instances=2, version=0x83, multiple=3),
-    ModuleWords(MUXED_QCOUNT, A.muxed_qcount, 5, instances=6, version=3, multiple=3),
-    ModuleWords(MUXED_QCOUNT_SEL, 0, 0),
-    ModuleWords(STEPGEN, 0x2000, 10, instances=2, version=2, multiple=0x1FF),
-    ModuleWords(PWM, A.pwm, 5, instances=2, clock=2, multiple=3),
-    ModuleWords(LED, 0x0200, 1),
+    ModuleWords(Gtag.DPLL, 0x7000, 7),
+    ModuleWords(Gtag.WATCHDOG, 0x0C00, 3),
+    ModuleWords(Gtag.IOPORT, 0x1000, 5, instances=2, multiple=0x1F),
+    ModuleWords(Gtag.ENCODER, 0x3000, 5, instances=2, version=0x83, multiple=3),
+    ModuleWords(Gtag.MUXED_ENCODER, A.muxed_qcount, 5, instances=6, version=3, multiple=3),
+    ModuleWords(Gtag.MUXED_ENCODER_SELECT, 0, 0),
+    ModuleWords(Gtag.STEPGEN, 0x2000, 10, instances=2, version=2, multiple=0x1FF),
+    ModuleWords(Gtag.PWMGEN, A.pwm, 5, instances=2, clock=2, multiple=3),
+    ModuleWords(Gtag.LED, 0x0200, 1),
 )
 PINS = (
     *(GPIO,) * 7,
     *pins_7i77(0, 0, 0)[7:],
-    *(pin(STEPGEN, number, unit) for unit in (0, 1) for number in (0x81, 0x82)),
-    *(pin(PWM, number, unit) for unit in (0, 1) for number in (0x81, 0x82, 0x83)),
-    *(pin(HM2DPLL, number) for number in (0x01, 0x82, 0x83)),
-    *(pin(QCOUNT, number) for number in (1, 2, 3, 5)),
+    *(pin(Gtag.STEPGEN, number, unit) for unit in (0, 1) for number in (0x81, 0x82)),
+    *(pin(Gtag.PWMGEN, number, unit) for unit in (0, 1) for number in (0x81, 0x82, 0x83)),
+    *(pin(Gtag.DPLL, number) for number in (0x01, 0x82, 0x83)),
+    *(pin(Gtag.ENCODER, number) for number in (1, 2, 3, 5)),
 )
 CARD = CardDescription(name="mixed", board_name="MESATEST", modules=MODULES, pins=PINS)
 REGISTERS = [

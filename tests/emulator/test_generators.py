@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from hostmot2.emulator import EmulatedBoard
-from hostmot2.emulator.cards import MUXED_QCOUNT
+from hostmot2.registers import Gtag
 from tests.emulator.test_engine_skips import CARD
 
 STEP, DIRECTION, STEP1 = 17, 18, 19
@@ -354,7 +354,7 @@ def test_interrupt_comes_as_the_chosen_source_falls() -> None:
 
 
 def test_encoder_counts_are_those_of_the_chosen_timers_event() -> None:
-    modules = tuple(replace(m, base=0x3600) if m.gtag == MUXED_QCOUNT else m for m in CARD.modules)
+    modules = tuple(replace(m, base=0x3600) if m.gtag == Gtag.MUXED_ENCODER else m for m in CARD.modules)
     board = EmulatedBoard(replace(CARD, modules=modules), clock="virtual", strict=True)
     dpll(board)
     board.write(0x3400, 0xFFF)

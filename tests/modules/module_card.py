@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from hostmot2.board import Board
-from hostmot2.emulator.cards import GPIO, IOPORT, LED, WATCHDOG, CardDescription, ModuleWords, pin
+from hostmot2.emulator.cards import GPIO, CardDescription, ModuleWords, pin
+from hostmot2.registers import Gtag
 
 WIDTH = 24
 CLOCK_LOW, CLOCK_HIGH = 100_000_000, 200_000_000
@@ -17,10 +18,10 @@ def module_card(
     """A card with these modules and pins from IO0 on; the rest of the port is GPIO."""
     ports = -(-len(pins) // WIDTH)
     modules = (
-        ModuleWords(WATCHDOG, 0x0C00, 3),
-        ModuleWords(IOPORT, 0x1000, 5, instances=ports, multiple=0x1F),
+        ModuleWords(Gtag.WATCHDOG, 0x0C00, 3),
+        ModuleWords(Gtag.IOPORT, 0x1000, 5, instances=ports, multiple=0x1F),
         *rows,
-        ModuleWords(LED, 0x0200, 1),
+        ModuleWords(Gtag.LED, 0x0200, 1),
     )
     return CardDescription(
         name="module under test",
