@@ -4,24 +4,11 @@ import json
 
 import pytest
 
-from hostmot2.cli import main
-
 
 @pytest.fixture(autouse=True)
 def no_board_variable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("HM2_BOARD", raising=False)
     monkeypatch.delenv("HM2_DEBUG", raising=False)
-
-
-@pytest.fixture
-def hm2(capfd: pytest.CaptureFixture[str]):
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as end:
-            main(list(arguments))
-        out, err = capfd.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return run
 
 
 EMULATED = ("--board", "emu://5i25+7i77?clock=virtual")
@@ -125,6 +112,12 @@ def test_wrong_usage_with_json_is_a_document_too(hm2, arguments: tuple[str, ...]
     status, out, err = hm2("--json", "--board", "emu://5i25+7i77", *arguments)
     error = json.loads(out)["error"]
     assert (status, error["exit_code"], error["message"] in err) == (2, 2, True)
+
+
+@pytest.mark.parametrize("arguments", ["info emu://5i25+7i77", "emu://5i25+7i77 info", "info --board pci://"])
+def test_a_card_named_behind_the_command_is_told_its_place(hm2, arguments: str) -> None:
+    status, _, err = hm2(*arguments.split())
+    assert (status, "hm2 --board URL COMMAND" in err) == (2, True)
 
 
 def test_a_file_that_is_no_card_is_a_device_fault(hm2, tmp_path) -> None:

@@ -4,26 +4,11 @@ import json
 import os
 from pathlib import Path
 
-import pytest
 from fake_sysfs import MESA_5I25, add_device
 
 from hostmot2.card_lock import lock_file
-from hostmot2.cli import main
 
 EMULATED = ("--board", "emu://7i76e?clock=virtual")
-
-
-@pytest.fixture
-def hm2(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.delenv("HM2_BOARD", raising=False)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as end:
-            main(list(arguments))
-        out, err = capfd.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return run
 
 
 def test_dump_writes_a_file_that_opens_as_a_board(hm2, tmp_path: Path) -> None:

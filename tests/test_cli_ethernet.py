@@ -22,19 +22,6 @@ from hostmot2.emulator.ethernet import EthernetCard, EthernetDescription, Ethern
 
 
 @pytest.fixture
-def hm2(capfd, monkeypatch):
-    monkeypatch.delenv("HM2_BOARD", raising=False)
-
-    def run(*arguments: str):
-        with pytest.raises(SystemExit) as end:
-            main(list(arguments))
-        out, err = capfd.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return run
-
-
-@pytest.fixture
 def server():
     with EthernetServer(EthernetCard(EthernetDescription("7I92", reload_us=20_000))) as server:
         server.card.process(bytes.fromhex("81c20001fecaaa55"))

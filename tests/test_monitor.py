@@ -15,21 +15,9 @@ from hostmot2.errors import CardBusy, EngineError
 from hostmot2.modules import driven
 from hostmot2.monitor import Source, text
 from hostmot2.monitor.snapshot import BitsRow, ChannelRow, Snapshot, ValueRow
-from hostmot2.recording.bus import BusAround, places
 from hostmot2.sserial import ChannelStatus
 from hostmot2.transports.emulated import transport_of
-
-
-class Witness(BusAround):
-    """Notes what is written."""
-
-    def __init__(self, under: Any) -> None:
-        super().__init__(under)
-        self.written: list[int] = []
-
-    def begin(self, transfers: Any, count: int, error: Any) -> int:
-        self.written += [address for address, write, _, _ in places(transfers, count) if write]
-        return super().begin(transfers, count, error)
+from tests.write_witness import Witness
 
 
 @pytest.fixture

@@ -10,20 +10,8 @@ import pytest
 import hostmot2
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.errors import CardBusy, ReadOnly
-from hostmot2.recording.bus import BusAround, places
 from hostmot2.transports.emulated import transport_of
-
-
-class Witness(BusAround):
-    """Notes what is written."""
-
-    def __init__(self, under: Any) -> None:
-        super().__init__(under)
-        self.written: list[int] = []
-
-    def begin(self, transfers: Any, count: int, error: Any) -> int:
-        self.written += [address for address, write, _, _ in places(transfers, count) if write]
-        return super().begin(transfers, count, error)
+from tests.write_witness import Witness
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ import os
 import re
 import shutil
 import subprocess
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from hostmot2.cli.main import main
 from hostmot2.pci_cards import PCI_IDS
 from hostmot2.setup import ForeignFile, MachineFile, install, net_files, realtime_files, udev_files
 from hostmot2.setup.files import SAVED, is_ours
@@ -141,14 +141,8 @@ def test_somebody_elses_file_is_left_alone_and_nothing_is_written(tmp_path: Path
 
 
 @pytest.fixture
-def hm2(capsys: pytest.CaptureFixture[str]):
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as end:
-            main(["setup", *arguments])
-        out, err = capsys.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return run
+def hm2(hm2):
+    return partial(hm2, "setup")
 
 
 @pytest.mark.parametrize("arguments", [("udev",), ("rt",), ("net", "enp2s0", "--mac", MAC)], ids=" ".join)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import sys
 from typing import Any
@@ -40,6 +41,7 @@ _EXIT_CODES: tuple[tuple[type[BaseException], int], ...] = (
     (KeyError, USAGE),
     (OSError, COMMUNICATION),
 )
+_CARD_MISPLACED = re.compile("(Got unexpected extra argument|No such command).*://|No such option.*--board")
 EXIT_CODES = {
     USAGE: "usage",
     NOT_FOUND: "not found",
@@ -131,4 +133,6 @@ def show_usage(error: click.ClickException, *, as_json: bool) -> int:
         }
         click.echo(json.dumps({"error": found}, indent=2))
     error.show()
+    if _CARD_MISPLACED.match(error.message):
+        click.echo("Which card comes before the command: hm2 --board URL COMMAND", err=True)
     return error.exit_code

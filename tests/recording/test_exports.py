@@ -7,7 +7,6 @@ import struct
 import numpy as np
 import pytest
 
-from hostmot2.cli import main
 from hostmot2.recording import plot, read, to_csv, to_parquet
 from hostmot2.recording.picture import envelope
 from hostmot2.recording.play import emulator_keys, play
@@ -17,19 +16,6 @@ from recording.making import record_file, records
 @pytest.fixture
 def path(tmp_path):
     return record_file(tmp_path / "run.mcap", records(0, 300))
-
-
-@pytest.fixture
-def hm2(capfd, monkeypatch):
-    monkeypatch.delenv("HM2_DEBUG", raising=False)
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main([str(argument) for argument in arguments])
-        out, err = capfd.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return run
 
 
 def test_csv_gives_the_same_doubles_and_names_the_units(path, tmp_path):

@@ -11,7 +11,6 @@ import pytest
 
 import hostmot2
 from hostmot2.board import Board
-from hostmot2.cli.main import main
 from hostmot2.sserial import NoRemote, SetupJumper
 from hostmot2.sserial.checklist import checklist_of
 from hostmot2.wiring import WIRING, CardFacts
@@ -152,34 +151,21 @@ def test_signals_named_with_a_terminal_are_the_terminals_own() -> None:
     assert "TB6-5 and TB6-6 (TX+, TX-)" in text
 
 
-@pytest.fixture
-def hm2(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.delenv("COLUMNS", raising=False)  # a pipe has no width
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as end:
-            main(list(arguments))
-        out, err = capfd.readouterr()
-        return int(end.value.code or 0), out, err
-
-    return run
-
-
-def test_scan_at_the_prompt_has_a_row_per_channel_with_its_reason_and_the_checklist(hm2) -> None:
-    status, out, _ = hm2("--board", f"{VIRTUAL}&silent=0", "sserial", "scan")
+def test_scan_at_the_prompt_has_a_row_per_channel_with_its_reason_and_the_checklist(command_line) -> None:
+    status, out, _ = command_line("--board", f"{VIRTUAL}&silent=0", "sserial", "scan")
     assert status == 0
     lines = out.splitlines()
     assert [line.split()[0] for line in lines[1:4]] == ["0", "1", "2"]
     assert "no answer" in lines[1]
     assert "field I/O" in lines[1]
     assert out.index("1. field logic power VIN") < out.index("3. W12")
-    rows = json.loads(hm2("--board", f"{VIRTUAL}&silent=0", "--json", "sserial", "scan")[1])
+    rows = json.loads(command_line("--board", f"{VIRTUAL}&silent=0", "--json", "sserial", "scan")[1])
     assert [bool(row["checks"]) for row in rows] == [True, False, False]
     assert rows[0]["place"] == {"connector": "P3", "card": "7i77", "remote": "field I/O"}
 
 
-def test_the_error_at_the_prompt_has_what_evidence_causes_and_what_to_do(hm2) -> None:
-    status, _, err = hm2("--board", f"{VIRTUAL}&silent=0", "param", "list", "0.0")
+def test_the_error_at_the_prompt_has_what_evidence_causes_and_what_to_do(command_line) -> None:
+    status, _, err = command_line("--board", f"{VIRTUAL}&silent=0", "param", "list", "0.0")
     assert status == 6
     heads = [line.split(":")[0].strip() for line in err.splitlines() if re.match(r"  [A-Z]", line)]
     assert heads == ["Evidence", "Likely", "Do", "More"]
@@ -187,8 +173,8 @@ def test_the_error_at_the_prompt_has_what_evidence_causes_and_what_to_do(hm2) ->
     assert "TB2-5" in err
 
 
-def test_a_url_takes_power_or_sets_jumpers_only_where_remotes_are(hm2) -> None:
+def test_a_url_takes_power_or_sets_jumpers_only_where_remotes_are(command_line) -> None:
     for option in ("silent=2", "setup=9.0", "silent=x", "silent=0.7"):
-        status, _, err = hm2("--board", f"{VIRTUAL}&{option}", "info")
+        status, _, err = command_line("--board", f"{VIRTUAL}&{option}", "info")
         assert status == 2
         assert "there is no remote" in err

@@ -10,7 +10,6 @@ import pytest
 
 import hostmot2
 from hostmot2 import lbp
-from hostmot2.cli import main
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.ftdi import VirtualFtdi, plug, unplug
 from hostmot2.remotes import backup as backups
@@ -20,20 +19,6 @@ from wire.lines import connect, emulated, on_pty, tell
 
 pytestmark = pytest.mark.timeout(60)
 CARD = ("--board", "emu://5i25+7i77?clock=virtual")
-
-
-@pytest.fixture
-def hm2(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    for name in ("COMPORT", "HM2_BOARD", "HM2_DEBUG"):
-        monkeypatch.delenv(name, raising=False)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as end:
-            main(list(arguments))
-        out, err = capfd.readouterr()
-        return int(end.value.code or 0), out.strip(), err
-
-    return run
 
 
 def test_list_through_the_card_and_through_an_adapter_is_the_same(hm2) -> None:

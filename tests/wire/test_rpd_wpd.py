@@ -11,26 +11,9 @@ from pathlib import Path
 import pytest
 from lbp import crc8
 
-from hostmot2.cli import main
 from wire.lines import on_pty, tell
 
 pytestmark = pytest.mark.timeout(60)
-
-VARIABLES = ("COMPORT", "BAUDRATE", "BAUDRATEMUL", "PROTOCOL", "INTERFACE", "HM2_BOARD", "HM2_DEBUG")
-
-
-@pytest.fixture
-def hm2(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch):
-    for name in VARIABLES:
-        monkeypatch.delenv(name, raising=False)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as end:
-            main(list(arguments))
-        out, err = capfd.readouterr()
-        return int(end.value.code or 0), out.strip(), err
-
-    return run
 
 
 def test_the_8i20_manuals_examples(hm2, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

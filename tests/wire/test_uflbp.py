@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from hostmot2.cli import main
 from hostmot2.emulator import DescribedRemote, EmulatedBoard
 from hostmot2.lbp import FirmwareRefused, LbpRemote, UpdateFailed, WireLink
 from hostmot2.lbp.firmware import plan, read_firmware, update
@@ -173,18 +172,9 @@ def test_some_noise_does_no_harm(card: DescribedRemote, file: Path) -> None:
     assert_updated(card, firmware.data)
 
 
-@pytest.fixture
-def hm2(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+@pytest.fixture(autouse=True)
+def own_state(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state-home"))
-    monkeypatch.delenv("HM2_DEBUG", raising=False)
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        with pytest.raises(SystemExit) as end:
-            main(list(arguments))
-        out, err = capfd.readouterr()
-        return int(end.value.code or 0), out.strip(), err
-
-    return run
 
 
 def flash_of(state: Path) -> bytes:
