@@ -245,6 +245,12 @@ BOARD = [
         ("tests/emulator/test_emulated_board.py",),
     ),
     Row(
+        "A register dump in the card's place, only to read",
+        ("hostmot2.transports.dump:open_transport", "csrc/image.c"),
+        (),
+        ("tests/test_dump.py",),
+    ),
+    Row(
         "FPGA image files: reading and checking the part; writing the configuration flash of Ethernet cards",
         ("hostmot2.bitfile", "hostmot2.ethernet.flash"),
         ("csrc/emulator/ethernet_flash.c",),

@@ -1,6 +1,7 @@
 """Writes docs/reference/capabilities.md: what drives what, what emulates it, where it is tested; gaps.
 
-Every class and file named must exist, and every attribute of hostmot2/parts.py must have a row.
+Every class and file named must exist, and every attribute of hostmot2/parts.py must have a row. What other
+pages list by hand (modules and cards of the API, emulated cards, URLs) is looked for there.
 
     python docs/generate_capabilities.py [--check]
 """
@@ -8,10 +9,11 @@ Every class and file named must exist, and every attribute of hostmot2/parts.py 
 from __future__ import annotations
 
 import importlib
+import re
 import sys
 
 from capabilities import BOARD, MODULES, Row
-from generating import ROOT, main, table
+from generating import DOCS, ROOT, main, table
 from peers import LINUXCNC_BOARD, LINUXCNC_CONFIG, LINUXCNC_MODULES, MESAFLASH, Peer
 
 PEERS = {
@@ -47,8 +49,32 @@ def problems() -> list[str]:
     found += [f"{row.capability}: no test" for row in rows if not row.tests]
     driven = [row for row in MODULES if not row.refused]
     found += [f"{row.capability}: no emulator" for row in driven if not row.emulator]
+    found += left_out()
     silent = [peer for peers in PEERS.values() for peer in peers if not peer.ours and not peer.gap]
     return found + [f"{peer.feature}: missing without a word" for peer in silent]
+
+
+def left_out() -> list[str]:
+    """What the pages that are written by hand should list and do not."""
+    tables = [
+        importlib.import_module(f"hostmot2.{name}") for name in ("cards", "emulator.cards", "transports")
+    ]
+    cards, emulated, transports = tables
+    drivers = {name.partition(":")[0] for row in MODULES if not row.refused for name in row.driver}
+    modules = {name for name in drivers if name.startswith("hostmot2.modules.")}
+    pages = "\n".join(path.read_text(encoding="utf-8") for path in (DOCS / "reference/api").glob("*.md"))
+    documented = set(re.findall(r"^::: (\S+)$", pages, re.MULTILINE))
+    found = [
+        f"docs/reference/api has no {name}"
+        for name in sorted((modules | {module for module, _ in cards.CARDS.values()}) - documented)
+    ]
+    start = (DOCS / "start/emulator.md").read_text(encoding="utf-8")
+    wanted = [f"`{name}`" for name in emulated.CARD_NAMES] + [
+        f"`{scheme}://" for scheme in transports.TRANSPORTS
+    ]
+    found += [f"docs/start/emulator.md has no {text}" for text in wanted if text not in start]
+    driven = {name.partition(":")[0] for row in BOARD for name in row.driver}
+    return found + [f"{name} has no row" for name in sorted(set(transports.TRANSPORTS.values()) - driven)]
 
 
 def names(values: tuple[str, ...]) -> str:
