@@ -6,6 +6,7 @@ import errno
 import random
 import socket
 import struct
+import threading
 from contextlib import contextmanager
 
 import pytest
@@ -380,11 +381,23 @@ def test_nobody_listening_is_told_at_once():
 
 
 def test_several_cards_are_asked_before_any_is_awaited():
+    """The first card answers only when the second has been asked."""
+    asked = threading.Event()
+
+    def once_the_other_was_asked(card, request):
+        return [card.run(request)] if asked.wait(3) else []
+
+    def tell(card, request):
+        asked.set()
+        return [card.run(request)]
+
     with ScriptedCard() as one, ScriptedCard() as two, linked(one.port) as first, linked(two.port) as second:
+        one.script, two.script = [once_the_other_was_asked], [tell]
         first.begin(write(0, 1), read(0))
         second.begin(write(0, 2), read(0))
-        assert second.finish() == [[2], [2]]
-        assert first.finish() == [[1], [1]]
+        assert second.finish(2000) == [[2], [2]]
+        assert first.finish(2000) == [[1], [1]]
+        assert first.link.counters.error_level == second.link.counters.error_level == 0
 
 
 def test_raw_commands_reach_the_other_spaces(card, words):

@@ -82,16 +82,19 @@ class ServedCard:
 
     def __init__(self, network: Network, directory: Path, spec: str = "7i92+7i77", *options: str) -> None:
         self.network = network
-        self.control = directory / "control"
+        self.control, self._log = directory / "control", directory / "card.err"
         self._command = [*HM2, "emulate", spec, "--listen", CARD_IP, "--mac", MAC, "--priority", "45"]
         self._command += ["--control", str(self.control), *options]
 
     def __enter__(self) -> ServedCard:
-        self._process = subprocess.Popen(
-            self.network.in_card(*self._command), stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
-        )
+        with self._log.open("w") as log:
+            self._process = subprocess.Popen(
+                self.network.in_card(*self._command), stdout=subprocess.PIPE, stderr=log, text=True
+            )
         assert self._process.stdout
-        assert self._process.stdout.readline().startswith("ready"), "the emulated card did not start"
+        if not self._process.stdout.readline().startswith("ready"):
+            self.__exit__(None, None, None)
+            raise AssertionError(f"the emulated card does not start: {self._log.read_text()}")
         return self
 
     def __exit__(
@@ -115,14 +118,22 @@ class ServedCard:
         command = [*HM2, "--json", "--board", f"udp://{CARD_IP}", *arguments]
         return json.loads(run(*self.network.in_card(*command)))
 
-    def mesaflash(self, *arguments: str, device: str = "7I92", check: bool = True) -> str:
+    def mesaflash(self, *arguments: str, device: str = "7I92", check: bool = True, priority: int = 0) -> str:
         """What mesaflash prints. It hangs for ever on an unanswered read, hence the time limit."""
-        command = ["mesaflash", "--device", device, "--addr", CARD_IP, *arguments]
+        realtime = ["chrt", "-f", str(priority)] if priority else []
+        command = [*realtime, "mesaflash", "--device", device, "--addr", CARD_IP, *arguments]
         return run(*self.network.in_card(*command), timeout=60, check=check)
 
 
 class HalError(AssertionError):
     """LinuxCNC did not do what it was told."""
+
+
+class Pins(dict[str, float]):
+    """Pins and parameters of LinuxCNC; one that is not there says so."""
+
+    def __missing__(self, name: str) -> float:
+        raise HalError(f"LinuxCNC has no pin or parameter {name}: it has not found that part of the card")
 
 
 class Hal:
@@ -166,8 +177,7 @@ class Hal:
     ) -> None:
         with contextlib.suppress(HalError):
             self.halcmd("stop", "unloadrt all")
-        self._inside_run("rtapi_app", "exit")
-        until(lambda: not self._of_this_session("rtapi_app"), 10)
+        self._end()
         for pid in self._of_this_session():
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
@@ -184,6 +194,15 @@ class Hal:
             timeout=30,
         )
         return done.returncode
+
+    def _end(self) -> None:
+        self._inside_run("rtapi_app", "exit")
+        until(lambda: not self._of_this_session("rtapi_app"), 10)
+
+    def last_words(self) -> str:
+        """End LinuxCNC, so that what its drivers have printed is there; the lines about the card."""
+        self._end()
+        return "\n".join(line for line in self.said().splitlines() if "hm2" in line)
 
     def spawn(self, *command: str, output: Path) -> subprocess.Popen[bytes]:
         """A program of LinuxCNC that goes on, its output in a file."""
@@ -217,7 +236,7 @@ class Hal:
     def pins(self, pattern: str = "") -> dict[str, float]:
         """All pins and parameters whose name begins so, as numbers."""
         text = self.halcmd(f"show pin {pattern}*", f"show param {pattern}*")
-        found: dict[str, float] = {}
+        found = Pins()
         for line in text.splitlines():
             words = line.split()
             if len(words) >= 5:

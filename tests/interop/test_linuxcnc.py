@@ -13,7 +13,7 @@ import sys
 import time
 
 import pytest
-from machine import CARD_IP, Hal, HalError, ServedCard, run, until
+from machine import CARD_IP, MAC, Hal, HalError, ServedCard, run, until
 from recorder import WATCHDOG, Recorder, Verdict, Witness, counts_wrong, judge
 
 CARD = "hm2_7i92.0"
@@ -26,6 +26,7 @@ SLOW_RATES = (-15, -12, 12, 15)
 """counts/s: the card's 16-bit time stamp turns over from one count to the next, every 65.5 ms."""
 MOST_STALLED = 0.02
 """Of the cycles. A machine that holds up more shows nothing."""
+LOADING = "-11: no whole reply within 1.6 ms whose scratch words hold the counters written to them"
 VOLTS = 2 * 20 / 8191
 """Two steps: LinuxCNC rounds down, and takes a full scale of 4096 where the manual has 4095."""
 
@@ -41,7 +42,7 @@ def load(hal: Hal, *, watchdog_ms: float = 5.0, config: str = CONFIG) -> None:
         except HalError as error:
             # the first batch read has a fixed deadline of 1.6 ms: a stall of the machine misses it
             if "-11" not in str(error) or attempt == 2:
-                raise
+                raise HalError(f"hm2_eth does not take the card ({LOADING}):\n{hal.last_words()}") from error
     hal.halcmd(
         f"setp {CARD}.watchdog.timeout_ns {watchdog_ms * 1e6:.0f}",
         f"addf {CARD}.read servo",
@@ -53,7 +54,7 @@ def go(hal: Hal) -> None:
     """Start the thread."""
     hal.halcmd("start")
     hal.realtime(40)  # the servo thread was made just now
-    assert until(lambda: hal.pins(f"{CARD}.read").get(f"{CARD}.read.time", 0) > 0)
+    assert until(lambda: hal.pins(f"{CARD}.read").get(f"{CARD}.read.time", 0) > 0), "no cycle was run"
 
 
 def start(hal: Hal, *, watchdog_ms: float = 5.0, config: str = CONFIG) -> None:
@@ -87,12 +88,20 @@ class Plant:
         self.card.set("input", inputs)
         for n, rate in enumerate(self.rates):
             self.card.set(f"encoder{n}_rate", rate)
-        assert until(lambda: self.card.get("output") == outputs), "field outputs"
+        assert until(lambda: self.card.get("output") == outputs), (
+            f"field outputs: {round(self.card.get('output')):04x} on the card, LinuxCNC sends {outputs:04x}; "
+            f"{counted(self.hal)}"
+        )
         assert until(
             lambda: all(abs(got - set) <= VOLTS for got, set in zip(self.volts(), volts, strict=True))
+        ), f"analog outputs: {self.volts()} V on the card, LinuxCNC sends {volts}; {counted(self.hal)}"
+        assert until(lambda: self.inputs() == inputs), (
+            f"field inputs: LinuxCNC reads {self.inputs():08x}, the card has {inputs:08x}; "
+            f"{counted(self.hal)}"
         )
-        assert until(lambda: self.inputs() == inputs), "field inputs"
-        assert until(self.velocities_right), f"velocities: {self.velocities()} at {self.rates}"
+        assert until(self.velocities_right), (
+            f"velocities: {self.velocities()} at {self.rates}; {counted(self.hal)}"
+        )
         self.rounds += 1
 
     def volts(self) -> list[float]:
@@ -136,6 +145,11 @@ def faults(hal: Hal) -> dict[str, float]:
         "io_error",
     )
     return {name: pins[f"{CARD}.{name}"] for name in names}
+
+
+def counted(hal: Hal) -> str:
+    """The same as text."""
+    return "LinuxCNC counts " + ", ".join(f"{name} {value:g}" for name, value in faults(hal).items())
 
 
 @pytest.mark.slow
@@ -210,7 +224,7 @@ def test_step_generators_run_at_the_rate_commanded(network, tmp_path):
     seconds = sum(row[0] for row in rows[1:]) / 1e9
     for column, rate in ((1, STEPS_PER_SECOND), (2, -STEPS_PER_SECOND)):
         moved = rows[-1][column] - rows[0][column]
-        assert moved / seconds == pytest.approx(rate, rel=0.01)
+        assert moved / seconds == pytest.approx(rate, rel=0.01), "steps per second of the card, and commanded"
 
 
 OUR_REPORT = """
@@ -238,6 +252,9 @@ def test_linuxcnc_reports_the_card_as_we_do(card: ServedCard, network, tmp_path)
     with Hal(network, tmp_path) as hal:
         start(hal)
         pins = [name.removeprefix(f"{CARD}.") for name in hal.pins(CARD)]
+        neighbour = run("ip", "-n", network.host, "neigh", "show", CARD_IP)
+    # hm2_eth(9): it pins the MAC that the card's EEPROM holds
+    assert f"lladdr {MAC} PERMANENT" in neighbour, f"the card's MAC is {MAC}, LinuxCNC has {neighbour}"
     assert f"discovered {ours['name']}" in hal.said()
     assert "Smart Serial Firmware Version 43" in hal.said()
     encoders = {name for name in pins if name.startswith("encoder.") and name.endswith(".rawcounts")}
@@ -255,9 +272,13 @@ def test_on_exit_linuxcnc_lets_the_watchdog_bite_and_outputs_are_off(card: Serve
     with Hal(network, tmp_path) as hal:
         start(hal)
         hal.set_pins({f"{IO}.output-03": 1, f"{ANALOG}.analogena": 1, f"{ANALOG}.analogout0": 5})
-        assert until(lambda: card.get("output") == 8)
+        assert until(lambda: card.get("output") == 8), (
+            f"field outputs: {card.get('output')}, not 8; {counted(hal)}"
+        )
         assert until(lambda: abs(card.get("analogout0") - 5) < VOLTS)
-    assert until(lambda: card.get("output") == 0 and card.get("analogena") == 0)
+    assert until(lambda: card.get("output") == 0 and card.get("analogena") == 0), (
+        f"outputs stay on: {card.get('output')}, analogena {card.get('analogena')}; has the watchdog bitten?"
+    )
 
 
 @pytest.mark.timeout(200)
@@ -295,18 +316,22 @@ def test_an_outage_stops_everything_and_the_card_turns_off(card: ServedCard, hal
     """At the limit io_error goes true and all I/O stops until the user clears it; the watchdog bites."""
     start(hal)
     hal.set_pins({f"{IO}.output-03": 1, f"{ANALOG}.analogena": 1, f"{ANALOG}.analogout0": 5})
-    assert until(lambda: card.get("output") == 8)
+    assert until(lambda: card.get("output") == 8), (
+        f"field outputs: {card.get('output')}, not 8; {counted(hal)}"
+    )
     card.set("fault.loss", 1)
     assert until(lambda: faults(hal)["io_error"] == 1)
     assert faults(hal)["packet-error-exceeded"] == 1
-    assert until(lambda: card.get("output") == 0 and card.get("analogena") == 0)
+    assert until(lambda: card.get("output") == 0 and card.get("analogena") == 0), (
+        f"outputs stay on: {card.get('output')}, analogena {card.get('analogena')}; has the watchdog bitten?"
+    )
     requests = card.get("requests")
     card.set("fault.loss", 0)
     time.sleep(0.2)
     assert card.get("requests") == requests  # silent
     hal.set_pins({f"{CARD}.io_error": 0})
     assert until(lambda: card.get("requests") > requests + 100)
-    assert until(lambda: faults(hal)["watchdog.has_bit"] == 1)
+    assert until(lambda: faults(hal)["watchdog.has_bit"] == 1), "the watchdog has not bitten in the outage"
     assert card.get("output") == 0  # has_bit holds them off
     hal.set_pins({f"{CARD}.watchdog.has_bit": 0})
     # sserial(9): so many failed DOITs stop the port; toggling run enables it again
@@ -314,7 +339,9 @@ def test_an_outage_stops_everything_and_the_card_turns_off(card: ServedCard, hal
     hal.set_pins({f"{CARD}.sserial.port-0.run": 0})
     assert until(lambda: hal.pins(CARD)[f"{CARD}.sserial.port-0.port_state"] == 0)
     hal.set_pins({f"{CARD}.sserial.port-0.run": 1})
-    assert until(lambda: card.get("output") == 8)
+    assert until(lambda: card.get("output") == 8), (
+        f"field outputs: {card.get('output')}, not 8; {counted(hal)}"
+    )
 
 
 @pytest.mark.timeout(200)

@@ -22,6 +22,13 @@ def test_the_card_is_found(card: ServedCard):
     assert f"ETH device 7I92 at ip={CARD_IP}" in card.mesaflash()
 
 
+def test_the_card_answers_in_time(card: ServedCard):
+    """mesaflash looks once, 2 ms after its first request; real-time here, so that it is not late itself."""
+    for _ in range(5):
+        found = card.mesaflash(priority=30, check=False)
+        assert "ETH device 7I92" in found, f"no answer within 2 ms: {found}"
+
+
 @pytest.mark.parametrize(("spec", "device"), [("7i76e", "7I76E"), ("7i96", "7I96"), ("7i80hd", "7I80HD-16")])
 def test_other_cards_are_found(network, tmp_path: Path, spec: str, device: str):
     with ServedCard(network, tmp_path, spec) as card:
