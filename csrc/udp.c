@@ -100,8 +100,6 @@ static void udp_close(void *self)
 {
 	struct hm2_udp *udp = self;
 
-	if (!udp)
-		return;
 	udp->carrier.close(udp->carrier.self);
 	free(udp);
 }
