@@ -143,7 +143,7 @@ def test_file(name: str) -> str:
 
 
 def test(selected: list[str]) -> None:
-    """The quick tests, or some, a process for each file: its counters are there whatever becomes of the others."""
+    """The quick tests, or some, a process for each file: its counters outlive whatever ends the others."""
     for folder in ("log", "pytest", "python"):
         (PLACE / folder).mkdir(parents=True, exist_ok=True)
     every = sorted(str(file.relative_to(TREE)) for file in (TREE / "tests").rglob("test_*.py"))
