@@ -44,7 +44,19 @@ static void describe_pins(uint32_t *idrom, const struct module *modules, uint32_
 	}
 }
 
-static hm2_emulator *new_card(const struct module *modules, uint32_t count, int strict)
+/* Any function, unit and number: what a module has no such thing for leaves the pin alone. */
+static void describe_wild_pins(uint32_t *idrom, const struct module *modules, uint32_t count)
+{
+	for (uint32_t i = 0; i < PINS; i++) {
+		const uint32_t unit = random_word() % 4 ? random_word() % 4 : random_word() % 256;
+		const uint32_t number = random_word() % 4 ? random_word() % 40 : random_word() % 256;
+		idrom[256 - PINS + i] = 0x03000000 | unit << 16 | (uint32_t)modules[random_word() % count].gtag << 8 | number;
+	}
+}
+
+typedef void describer(uint32_t *idrom, const struct module *modules, uint32_t count);
+
+static hm2_emulator *new_card(const struct module *modules, uint32_t count, int strict, describer *pins)
 {
 	static const uint32_t header[16] = {3,    64, 4 * (256 - PINS), 0x4153454D, 0x54534554, 9,  144, 3,
 	                                    PINS, 24, 33333333,         200000000,  4,          64, 256, 256};
@@ -59,7 +71,7 @@ static hm2_emulator *new_card(const struct module *modules, uint32_t count, int 
 		idrom[17 + 3 * i] = (uint32_t)module->registers << 16 | (0x1000 + 0xA00 * i);
 		idrom[18 + 3 * i] = 0xFFF;
 	}
-	describe_pins(idrom, modules, count);
+	pins(idrom, modules, count);
 	CHECK_EQUAL(hm2_emulator_new(idrom, 256, &options, &card, &error), HM2_OK);
 	return card;
 }
@@ -96,7 +108,8 @@ static void pass(hm2_emulator *strict, hm2_emulator *lenient, int64_t ps)
 /* Everything behind the IDROM; a page that no module has is refused whole. */
 static void sweep(const struct module *modules, uint32_t count)
 {
-	hm2_emulator *strict = new_card(modules, count, 1), *lenient = new_card(modules, count, 0);
+	hm2_emulator *strict = new_card(modules, count, 1, describe_pins);
+	hm2_emulator *lenient = new_card(modules, count, 0, describe_pins);
 	hm2_error error;
 	uint32_t word;
 	for (int round = 0; round < ROUNDS; round++) {
@@ -117,8 +130,34 @@ static void sweep(const struct module *modules, uint32_t count)
 	hm2_emulator_free(lenient);
 }
 
+/* Whatever its pins are said to be: with all of them outputs of their functions, and inputs, too, levels are levels. */
+static void sweep_wild_pins(const struct module *modules, uint32_t count)
+{
+	hm2_emulator *card = new_card(modules, count, 0, describe_wild_pins);
+	hm2_error error;
+	for (int round = 0; round < 3; round++) {
+		for (uint32_t address = 0x900; address < 0x1000 + 0xA00 * count; address += 4) {
+			const uint32_t word = random_word() % 2 ? UINT32_MAX : random_word() >> random_word() % 32;
+			CHECK_EQUAL(hm2_emulator_write(card, address, &word, 1, &error), HM2_OK);
+		}
+		for (int pin = 0; pin < PINS; pin++)
+			if (random_word() % 3 == 0)
+				CHECK_EQUAL(hm2_emulator_pin_drive(card, pin, (int)(random_word() % 3) - 1), HM2_OK);
+		hm2_emulator_advance_ps(card, random_word() % 50000000);
+		for (int pin = 0; pin < PINS; pin++) {
+			const int level = hm2_emulator_pin_level(card, pin);
+			CHECK(level >= HM2_LEVEL_LOW && level <= HM2_LEVEL_CONTENTION);
+		}
+	}
+	hm2_emulator_free(card);
+}
+
 int main(void)
 {
+	for (int i = 0; i < 40; i++) {
+		sweep_wild_pins(first, sizeof first / sizeof first[0]);
+		sweep_wild_pins(second, sizeof second / sizeof second[0]);
+	}
 	sweep(first, sizeof first / sizeof first[0]);
 	sweep(second, sizeof second / sizeof second[0]);
 	return CHECK_RESULT();
