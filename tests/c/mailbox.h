@@ -20,6 +20,9 @@ struct mailbox {
 	int fail_at; /* the exchange of this number fails; 0: none */
 	int exchanges;
 	int fail_writes; /* this many exchanges with a write in front fail */
+	int64_t exchange_ns; /* what each takes */
+	int64_t takes_ns; /* so long a command is at work */
+	int64_t done_ns; /* when the last one is over */
 	int64_t slow_ns; /* the next exchange takes so much longer */
 	struct hm2_board *board;
 	struct hm2_sserial *port;
@@ -40,7 +43,8 @@ static void mailbox_write(struct mailbox *mailbox, uint32_t address, uint32_t wo
 	if (mailbox->count < COMMANDS)
 		mailbox->commands[mailbox->count] = word;
 	mailbox->count++;
-	mailbox->words[COMMAND / 4] = mailbox->completes(mailbox, word) ? 0 : word;
+	mailbox->words[COMMAND / 4] = mailbox->completes(mailbox, word) && !mailbox->takes_ns ? 0 : word;
+	mailbox->done_ns = mailbox->now_ns + mailbox->takes_ns;
 }
 
 static int mailbox_begin(void *self, const hm2_transfer *transfers, size_t count, hm2_error *error)
@@ -54,6 +58,8 @@ static int mailbox_begin(void *self, const hm2_transfer *transfers, size_t count
 			error->status = HM2_ERR_IO;
 		return HM2_ERR_IO;
 	}
+	if (mailbox->takes_ns && mailbox->now_ns >= mailbox->done_ns)
+		mailbox->words[COMMAND / 4] = 0;
 	for (size_t i = 0; i < count; i++) {
 		for (uint32_t n = 0; n < transfers[i].count; n++) {
 			const uint32_t address = transfers[i].address + 4 * n;
@@ -63,7 +69,7 @@ static int mailbox_begin(void *self, const hm2_transfer *transfers, size_t count
 				transfers[i].words[n] = mailbox->words[address / 4];
 		}
 	}
-	mailbox->now_ns += 1000 + mailbox->slow_ns;
+	mailbox->now_ns += mailbox->exchange_ns + mailbox->slow_ns;
 	mailbox->slow_ns = 0;
 	return HM2_OK;
 }
@@ -104,6 +110,7 @@ static void mailbox_open(struct mailbox *mailbox)
 	const hm2_sserial_config config = {BASE, 0x100, 0x40, 0, 8, 3};
 	memset(mailbox, 0, sizeof *mailbox);
 	mailbox->completes = always;
+	mailbox->exchange_ns = 1000;
 	CHECK_EQUAL(hm2_board_open(&bus, &mailbox->board, NULL), HM2_OK);
 	CHECK_EQUAL(hm2_sserial_open(mailbox->board, &config, &mailbox->port, NULL), HM2_OK);
 }

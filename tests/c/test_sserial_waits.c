@@ -1,0 +1,147 @@
+/* How long a port waits for a DOIT: it learns from good transfers when to look, so that few looks are needed and the
+ * end is seen at once, and is not taken in by what is no DOIT's duration. */
+#include "mailbox.h"
+
+enum { DOIT_NS = 100000, MOST_NS = 510000 };
+
+static struct mailbox box;
+
+static void start(int64_t exchange_ns, int64_t takes_ns)
+{
+	mailbox_open(&box);
+	CHECK_EQUAL(hm2_sserial_start(box.port, 1, HM2_SSERIAL_NORMAL, &box.error), 0);
+	box.exchange_ns = exchange_ns;
+	box.takes_ns = takes_ns;
+}
+
+/* Exchanges of the last of so many transfers. */
+static int transfer(int count)
+{
+	for (int i = 0; i < count; i++) {
+		box.exchanges = 0;
+		CHECK_EQUAL(hm2_sserial_doit(box.port, 1, &box.error), 0);
+	}
+	return box.exchanges;
+}
+
+static int64_t last_doit_ns(void)
+{
+	hm2_sserial_counters counters;
+	hm2_sserial_get_counters(box.port, &counters);
+	return counters.last_doit_ns;
+}
+
+/* A network: one exchange writes, one reads everything, and the wait is hardly longer than the DOIT. */
+static void test_where_a_look_is_dear_one_is_enough(void)
+{
+	start(50000, DOIT_NS);
+	CHECK(transfer(1) > 2);
+	CHECK_EQUAL(transfer(200), 2);
+	const int64_t before_ns = box.now_ns;
+	CHECK_EQUAL(transfer(100), 2);
+	CHECK((box.now_ns - before_ns) / 100 <= DOIT_NS + 2 * 50000 + 5000);
+	mailbox_free(&box);
+}
+
+/* A card in memory: the end is seen within a microsecond or two, for few looks. */
+static void test_where_a_look_is_cheap_looks_follow_each_other(void)
+{
+	start(200, DOIT_NS);
+	(void)transfer(2000);
+	for (int i = 0; i < 100; i++) {
+		CHECK(transfer(1) <= 12);
+		CHECK(last_doit_ns() <= DOIT_NS + 3000);
+	}
+	mailbox_free(&box);
+}
+
+static void test_a_hiccup_is_not_learned(int64_t exchange_ns)
+{
+	start(exchange_ns, DOIT_NS);
+	(void)transfer(2000);
+	int64_t before_ns = box.now_ns;
+	(void)transfer(10);
+	const int64_t usual_ns = box.now_ns - before_ns;
+	box.takes_ns = MOST_NS - 1000; /* once, nearly the longest that there is */
+	(void)transfer(1);
+	box.takes_ns = DOIT_NS;
+	(void)transfer(1);
+	before_ns = box.now_ns;
+	(void)transfer(10);
+	CHECK(box.now_ns - before_ns <= usual_ns + 10 * (usual_ns / 10 / 3));
+	box.takes_ns = MOST_NS + 100000; /* longer than any DOIT takes: the host was away */
+	before_ns = box.now_ns;
+	(void)transfer(1);
+	box.takes_ns = DOIT_NS;
+	before_ns = box.now_ns;
+	(void)transfer(10);
+	CHECK(box.now_ns - before_ns <= usual_ns + 10 * (usual_ns / 10 / 3));
+	mailbox_free(&box);
+}
+
+/* Shorter DOITs are found again, without haste. */
+static void test_the_wait_creeps_back(void)
+{
+	start(50000, 300000);
+	(void)transfer(100);
+	box.takes_ns = DOIT_NS;
+	const int64_t before_ns = box.now_ns;
+	(void)transfer(1);
+	const int64_t first_ns = box.now_ns - before_ns;
+	(void)transfer(5000);
+	const int64_t later_ns = box.now_ns;
+	(void)transfer(1);
+	CHECK(box.now_ns - later_ns < first_ns - 100000);
+	mailbox_free(&box);
+}
+
+/* ---- pipelined ---- */
+
+static void test_a_doit_is_never_written_over_one_at_work(void)
+{
+	uint32_t requested;
+	start(1000, DOIT_NS);
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), 0);
+	box.count = 0;
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), HM2_ERR_BUSY);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_TOO_SOON);
+	CHECK_EQUAL(box.count, 0);
+	box.now_ns += DOIT_NS;
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), 0);
+	CHECK_EQUAL(requested, 1);
+	CHECK_EQUAL(box.count, 1);
+	box.now_ns += MOST_NS; /* it must be over: results and the next DOIT in one exchange */
+	box.exchanges = 0;
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), 0);
+	CHECK_EQUAL(box.exchanges, 1);
+	box.now_ns += DOIT_NS;
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 0, &requested, &box.error), 0); /* the last result, nothing new */
+	CHECK_EQUAL(requested, 1);
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 0, &requested, &box.error), 0);
+	CHECK_EQUAL(requested, 0);
+	CHECK_EQUAL(box.count, 2);
+	mailbox_free(&box);
+}
+
+static void test_a_pipelined_doit_that_never_ends_is_dug_out(void)
+{
+	uint32_t requested;
+	start(1000, 1000000000);
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), 0);
+	box.now_ns += 4 * MOST_NS + 1;
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), HM2_ERR_TIMEOUT);
+	CHECK_EQUAL(hm2_sserial_started(box.port), 0);
+	mailbox_free(&box);
+}
+
+int main(void)
+{
+	test_where_a_look_is_dear_one_is_enough();
+	test_where_a_look_is_cheap_looks_follow_each_other();
+	test_a_hiccup_is_not_learned(50000);
+	test_a_hiccup_is_not_learned(200);
+	test_the_wait_creeps_back();
+	test_a_doit_is_never_written_over_one_at_work();
+	test_a_pipelined_doit_that_never_ends_is_dug_out();
+	return CHECK_RESULT();
+}
