@@ -75,8 +75,8 @@ exclude_lines =
     {excluded}
 [paths]
 source =
-    {root}/hostmot2
     {tree}/hostmot2
+    {root}/hostmot2
 """
 
 
