@@ -165,17 +165,13 @@ static int output(void *self, int unit, int number)
 
 static struct bus *bus_of(hm2_emulator *card, int unit)
 {
-	struct card_module *module = card_find(card, HM2_GTAG_BSPI);
-	if (module == NULL)
-		module = card_find(card, HM2_GTAG_DBSPI);
-	if (module == NULL || unit < 0 || unit >= module->descriptor.instances)
-		return NULL;
-	hm2_emulator_sync(card);
-	return &((struct bspi *)module->self)->buses[unit];
+	struct bspi *all = card_instances(card, card_find(card, HM2_GTAG_BSPI) ? HM2_GTAG_BSPI : HM2_GTAG_DBSPI, unit);
+	return all ? &all->buses[unit] : NULL;
 }
 
 int hm2_emulator_bspi_answer(hm2_emulator *card, int unit, const uint32_t *words, size_t count)
 {
+	CARD_HOLD(card);
 	struct bus *bus = bus_of(card, unit);
 	if (bus == NULL || count > (size_t)(KEPT - bus->answer_count))
 		return HM2_ERR_RANGE;
@@ -186,6 +182,7 @@ int hm2_emulator_bspi_answer(hm2_emulator *card, int unit, const uint32_t *words
 
 int hm2_emulator_bspi_sent(hm2_emulator *card, int unit, hm2_spi_record *records, size_t capacity, size_t *count)
 {
+	CARD_HOLD(card);
 	struct bus *bus = bus_of(card, unit);
 	if (bus == NULL)
 		return HM2_ERR_RANGE;

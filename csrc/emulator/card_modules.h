@@ -67,6 +67,9 @@ int ioport_follows(const struct ioport *port, int pin);
 /* Driven by its module's function: alternate source on, direction out, not inverted. */
 int ioport_is_switched(const struct ioport *port, int pin, int output);
 
+/* For what hangs on a module from outside, by whoever holds the card: the module's state, up to date; NULL: it has
+ * no such instance. */
+void *card_instances(struct hm2_emulator *card, uint8_t gtag, int unit);
 /* The pin of a module's function, its own or shared by all units; -1: none. */
 int card_pin_of(const struct hm2_emulator *card, int tag, int unit, int number);
 

@@ -3,6 +3,15 @@
 
 #define RATE_MAX (INT64_C(1) << 50) /* 2^-20 counts per second: a thousand million counts per second */
 
+void *card_instances(struct hm2_emulator *card, uint8_t gtag, int unit)
+{
+	struct card_module *module = card_find(card, gtag);
+	if (module == NULL || unit < 0 || unit >= module->descriptor.instances)
+		return NULL;
+	hm2_emulator_sync(card);
+	return module->self;
+}
+
 int hm2_emulator_pins(const hm2_emulator *card)
 {
 	return card->pin_count;

@@ -233,11 +233,10 @@ static int outside(void *self, int unit, int number, int *level)
 
 int hm2_emulator_inmux_set(hm2_emulator *card, int unit, uint32_t levels)
 {
-	struct card_module *module = card_find(card, HM2_GTAG_INMUX);
-	if (module == NULL || unit < 0 || unit >= module->descriptor.instances)
+	CARD_HOLD(card);
+	struct field_input *all = card_instances(card, HM2_GTAG_INMUX, unit);
+	if (all == NULL)
 		return HM2_ERR_RANGE;
-	hm2_emulator_sync(card);
-	struct field_input *all = module->self;
 	all->banks[unit].stimulus = levels;
 	card_pins_changed(card);
 	return HM2_OK;

@@ -232,13 +232,11 @@ static int period_outside(void *self, int unit, int number, int *level)
 
 int hm2_emulator_period_signal(hm2_emulator *card, int unit, int64_t period_ps, int64_t high_ps)
 {
-	struct card_module *module = card_find(card, HM2_GTAG_PERIOD);
-	if (module == NULL || unit < 0 || unit >= module->descriptor.instances)
+	CARD_HOLD(card);
+	struct period *all = card_instances(card, HM2_GTAG_PERIOD, unit);
+	if (all == NULL || period_ps < 0 || high_ps < 0 || high_ps > period_ps)
 		return HM2_ERR_RANGE;
-	if (period_ps < 0 || high_ps < 0 || high_ps > period_ps)
-		return HM2_ERR_RANGE;
-	hm2_emulator_sync(card);
-	struct meter *meter = &((struct period *)module->self)->meters[unit];
+	struct meter *meter = &all->meters[unit];
 	meter->period_ps = period_ps;
 	meter->high_ps = high_ps;
 	meter->origin_ps = card->now_ps;

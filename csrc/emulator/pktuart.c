@@ -290,15 +290,13 @@ static int rx_write(void *self, int reg, uint32_t offset, uint32_t value)
 
 static struct unit *unit_of(hm2_emulator *card, uint8_t gtag, int unit)
 {
-	struct card_module *module = card_find(card, gtag);
-	if (module == NULL || unit < 0 || unit >= module->descriptor.instances)
-		return NULL;
-	hm2_emulator_sync(card);
-	return &((struct pktuart *)module->self)->units[unit];
+	struct pktuart *all = card_instances(card, gtag, unit);
+	return all ? &all->units[unit] : NULL;
 }
 
 int hm2_emulator_pktuart_send(hm2_emulator *card, int unit, const uint8_t *bytes, size_t count, uint32_t flags)
 {
+	CARD_HOLD(card);
 	struct unit *rx = unit_of(card, HM2_GTAG_PKTUART_RX, unit);
 	if (rx == NULL || count == 0 || count > FRAME_BYTES)
 		return HM2_ERR_RANGE;
@@ -320,6 +318,7 @@ int hm2_emulator_pktuart_send(hm2_emulator *card, int unit, const uint8_t *bytes
 
 int hm2_emulator_pktuart_received(hm2_emulator *card, int unit, uint8_t *bytes, size_t capacity, size_t *count)
 {
+	CARD_HOLD(card);
 	struct unit *tx = unit_of(card, HM2_GTAG_PKTUART_TX, unit);
 	if (tx == NULL || capacity < FRAME_BYTES)
 		return HM2_ERR_RANGE;

@@ -119,15 +119,12 @@ static int resolver_write(void *self, int reg, uint32_t offset, uint32_t value)
 
 static struct resolver *resolver_of(hm2_emulator *card, int channel)
 {
-	struct card_module *module = card_find(card, HM2_GTAG_RESOLVER);
-	if (module == NULL || channel < 0 || channel >= CHANNELS)
-		return NULL;
-	hm2_emulator_sync(card);
-	return module->self;
+	return channel < 0 || channel >= CHANNELS ? NULL : card_instances(card, HM2_GTAG_RESOLVER, 0);
 }
 
 int hm2_emulator_resolver_set(hm2_emulator *card, int channel, uint32_t angle, double turns_per_second)
 {
+	CARD_HOLD(card);
 	struct resolver *all = resolver_of(card, channel);
 	if (all == NULL || !(fabs(turns_per_second) <= 1e6))
 		return HM2_ERR_RANGE;
@@ -137,6 +134,7 @@ int hm2_emulator_resolver_set(hm2_emulator *card, int channel, uint32_t angle, d
 
 int hm2_emulator_resolver_flag(hm2_emulator *card, int channel, int flag)
 {
+	CARD_HOLD(card);
 	struct resolver *all = resolver_of(card, channel);
 	if (all == NULL)
 		return HM2_ERR_RANGE;
@@ -146,6 +144,7 @@ int hm2_emulator_resolver_flag(hm2_emulator *card, int channel, int flag)
 
 int hm2_emulator_resolver_angle(hm2_emulator *card, int channel, uint32_t *angle)
 {
+	CARD_HOLD(card);
 	const struct resolver *all = resolver_of(card, channel);
 	if (all == NULL)
 		return HM2_ERR_RANGE;

@@ -205,11 +205,10 @@ static int ssi_outside(void *self, int unit, int number, int *level)
 
 int hm2_emulator_ssi_set(hm2_emulator *card, int channel, int plugged, uint64_t value)
 {
-	struct card_module *module = card_find(card, HM2_GTAG_SSI);
-	if (module == NULL || channel < 0 || channel >= module->descriptor.instances)
+	CARD_HOLD(card);
+	struct ssi *all = card_instances(card, HM2_GTAG_SSI, channel);
+	if (all == NULL)
 		return HM2_ERR_RANGE;
-	hm2_emulator_sync(card);
-	struct ssi *all = module->self;
 	all->channels[channel].plugged = plugged != 0;
 	all->channels[channel].value = value;
 	card_pins_changed(card);

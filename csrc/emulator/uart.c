@@ -254,11 +254,11 @@ static int rx_write(void *self, int reg, uint32_t offset, uint32_t value)
 
 int hm2_emulator_uart_send(hm2_emulator *card, int unit, const uint8_t *bytes, size_t count)
 {
-	struct card_module *module = card_find(card, HM2_GTAG_UART_RX);
-	if (module == NULL || unit < 0 || unit >= module->descriptor.instances)
+	CARD_HOLD(card);
+	struct uart *all = card_instances(card, HM2_GTAG_UART_RX, unit);
+	if (all == NULL)
 		return HM2_ERR_RANGE;
-	hm2_emulator_sync(card);
-	struct receiver *rx = &((struct uart *)module->self)->receivers[unit];
+	struct receiver *rx = &all->receivers[unit];
 	if (count > LINE_KEPT - rx->coming_count)
 		return HM2_ERR_RANGE;
 	if (rx->coming_count == 0)
@@ -271,11 +271,11 @@ int hm2_emulator_uart_send(hm2_emulator *card, int unit, const uint8_t *bytes, s
 
 int hm2_emulator_uart_received(hm2_emulator *card, int unit, uint8_t *bytes, size_t capacity, size_t *count)
 {
-	struct card_module *module = card_find(card, HM2_GTAG_UART_TX);
-	if (module == NULL || unit < 0 || unit >= module->descriptor.instances)
+	CARD_HOLD(card);
+	struct uart *all = card_instances(card, HM2_GTAG_UART_TX, unit);
+	if (all == NULL)
 		return HM2_ERR_RANGE;
-	hm2_emulator_sync(card);
-	struct transmitter *tx = &((struct uart *)module->self)->transmitters[unit];
+	struct transmitter *tx = &all->transmitters[unit];
 	*count = tx->sent_count < capacity ? tx->sent_count : capacity;
 	if (*count)
 		memcpy(bytes, tx->sent, *count);
