@@ -8,6 +8,8 @@ from hostmot2.remotes.discovery import RemoteDescription
 
 MAX_CURRENT_8I20 = drive_8i20.MAX_CURRENT
 """Address of the 8I20's working MAXCURRENT, a word of 10 mA."""
+TEN_MILLIAMPERES = 0.01
+"""A of a count of it."""
 
 _IN, _OUT = Direction.INPUT, Direction.OUTPUT
 _UNSIGNED = FieldKind.UNSIGNED

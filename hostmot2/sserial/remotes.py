@@ -28,7 +28,6 @@ from hostmot2.sserial.results import no_remote
 if TYPE_CHECKING:
     from hostmot2.sserial.channel import Channel
 
-TEN_MILLIAMPERES = 0.01
 SETUP_BAUD = 115200
 
 CLEAN_STARTS = 3
@@ -259,7 +258,7 @@ def describe(core: Core, channel: int, software_mode: int) -> RemoteDescription:
     """
     found = core.identity(channel)
     if found.name == "8I20":
-        max_current = core.read_remote(channel, builtin.MAX_CURRENT_8I20, 2) * TEN_MILLIAMPERES
+        max_current = core.read_remote(channel, builtin.MAX_CURRENT_8I20, 2) * builtin.TEN_MILLIAMPERES
         return builtin.describe_8i20(found.unit_number, max_current, software_mode)
     if found.name == "7I64":
         return builtin.describe_7i64(found.unit_number, software_mode)
