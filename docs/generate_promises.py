@@ -19,8 +19,8 @@ PAGE = FOLDER.parent / "promises.md"
 SOURCES = {
     "interrupts": "python -m tests.faults.interrupts --count 10000 "
     "-o docs/reference/promises/interrupts.json",
-    "forks": "python -m tests.faults.forks --count {count} -o docs/reference/promises/forks.json",
-    "endings": "python -m tests.faults.endings --count {count} -o docs/reference/promises/endings.json",
+    "forks": "python -m tests.faults.forks -o docs/reference/promises/forks.json",
+    "endings": "python -m tests.faults.endings -o docs/reference/promises/endings.json",
     "kills": "python -m tests.faults.kills -o docs/reference/promises/kills.json",
     "soak": "python -m tests.faults.soak --seconds 600 --real-time -o docs/reference/promises/soak.json",
 }
@@ -136,7 +136,7 @@ def _listed(counts: dict[str, int]) -> str:
 
 
 def _forks(figures: dict[str, Any]) -> str:
-    command = SOURCES["forks"].format(**figures)
+    command = SOURCES["forks"]
     return (
         f"\n## Fork at any moment\n\n`{command}`: the same program forks at random moments; the child "
         "closes the board, tries to write to the card, ends as the interpreter does, or leaves the program's "
@@ -147,7 +147,7 @@ def _forks(figures: dict[str, Any]) -> str:
 
 
 def _endings(figures: dict[str, Any]) -> str:
-    command = SOURCES["endings"].format(**figures)
+    command = SOURCES["endings"]
     return (
         f"\n## The end of a process at any moment, in real time\n\n`{command}`: processes drive pins of a "
         "card that is a mapped file, exchange, and run the engine's thread; each ends at a random moment by "

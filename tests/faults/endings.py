@@ -1,4 +1,4 @@
-"""python -m tests.faults.endings [--count 2500] [--seed N] [-o FILE]
+"""python -m tests.faults.endings [--count 2500] [--seconds S] [--seed N] [-o FILE]
 
 Processes that drive a card in real time, with the engine's thread, end at random moments: by SIGTERM, SIGHUP,
 Ctrl-C, or sys.exit(); others fork there, and the child ends. Behind the end of a process nothing is driven;
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import fcntl
 import json
+import math
 import os
 import random
 import select
@@ -187,10 +188,11 @@ def judge(bench: Bench, way: str, status: int | None, doing: str, result: Ending
         result.wrong.append(f"{what}: the card is still locked")
 
 
-def end_all(count: int, seed: int, folder: Path) -> Endings | int:
-    """So many processes, one after the other. An exit status: this is one of them."""
+def end_all(count: int, seed: int, seconds: float, folder: Path) -> Endings | int:
+    """So many processes, or as many as fit into the time. An exit status: this is one of them."""
+    end = time.monotonic() + seconds
     draw, result, bench = random.Random(seed), Endings(), Bench(folder)
-    while result.count < count and len(result.wrong) < 50:
+    while time.monotonic() < end and result.count < count and len(result.wrong) < 50:
         way, phase = draw.choice(WAYS), draw.choice(PHASES)
         delay_s = draw.random() * (ENGINE_S if phase == "engine" else 0.01)
         heard, tell = os.pipe()
@@ -210,13 +212,14 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--count", type=int, default=2500)
+    parser.add_argument("--seconds", type=float, default=math.inf, help="no more begin after so long")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, help="the figures as JSON")
     arguments = parser.parse_args()
     folder = tempfile.mkdtemp(
         prefix="hm2-endings-"
     )  # not a context manager: children leave through here, too
-    result = end_all(arguments.count, arguments.seed, Path(folder))
+    result = end_all(arguments.count, arguments.seed, arguments.seconds, Path(folder))
     if isinstance(result, int):
         return result
     print(result)

@@ -1,4 +1,4 @@
-"""python -m tests.faults.forks [--count 10000] [--seed N] [-o FILE]
+"""python -m tests.faults.forks [--count 10000] [--seconds S] [--seed N] [-o FILE]
 
 A program with a card forks at random moments of its life, in virtual time. The child closes the board, tries
 to write to the card, ends as the interpreter does, or leaves the program's blocks; none of it reaches the
@@ -11,10 +11,12 @@ import argparse
 import faulthandler
 import gc
 import json
+import math
 import os
 import random
 import signal
 import sys
+import time
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field
@@ -143,14 +145,15 @@ def _refused(board: Any) -> int:
     return 1
 
 
-def fork(count: int, seed: int) -> Forks:
-    """Programs until there were so many forks."""
+def fork(count: int, seed: int, seconds: float) -> Forks:
+    """Programs until there were so many forks, or so much time is over."""
+    end = time.monotonic() + seconds
     draw = random.Random(seed)
     result = Forks()
     lasts = measure()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)
-        while result.forked < count and len(result.wrong) < 100:
+        while time.monotonic() < end and result.forked < count and len(result.wrong) < 100:
             phase = PHASES[result.programs % len(PHASES)]
             result.programs += 1
             faulthandler.dump_traceback_later(HANG_S + CHILD_S * EACH, exit=True)
@@ -168,10 +171,11 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--count", type=int, default=10_000)
+    parser.add_argument("--seconds", type=float, default=math.inf, help="no more begin after so long")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("-o", "--output", type=Path, help="the figures as JSON")
     arguments = parser.parse_args()
-    result = fork(arguments.count, arguments.seed)
+    result = fork(arguments.count, arguments.seed, arguments.seconds)
     print(result)
     for text, number in Counter(result.wrong).most_common(20):
         print(number, text)

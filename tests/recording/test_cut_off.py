@@ -76,7 +76,7 @@ from hostmot2.record_ring import RecordRing
 from hostmot2.recording import Recorder
 from recording.making import DTYPE, IMAGE, INPUTS, OUTPUTS, push_all, records
 ring = RecordRing(DTYPE, 8192)
-with Recorder(ring, sys.argv[1], INPUTS, OUTPUTS, image=IMAGE, flush_s=0.01) as recorder:
+with Recorder(ring, sys.argv[1], INPUTS, OUTPUTS, image=IMAGE, flush_s=float(sys.argv[2])) as recorder:
     for first in range(0, 2000, 100):
         push_all(ring, records(first, 100))
         child = os.fork()
@@ -86,10 +86,11 @@ with Recorder(ring, sys.argv[1], INPUTS, OUTPUTS, image=IMAGE, flush_s=0.01) as 
 """
 
 
-def test_a_forked_child_that_ends_writes_nothing_into_its_parents_recording(tmp_path):
+@pytest.mark.parametrize("flush_s", [0.01, 1000.0])  # the child has nothing, or all, in its buffer
+def test_a_forked_child_that_ends_writes_nothing_into_its_parents_recording(tmp_path, flush_s):
     path = tmp_path / "run.mcap"
     environment = {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"}
-    command = [sys.executable, "-c", FORKING, str(path)]
+    command = [sys.executable, "-c", FORKING, str(path), str(flush_s)]
     subprocess.run(command, env=environment, cwd=ROOT, check=True, timeout=60)
     run = read(path)
     assert run.cycle.tolist() == list(range(2000))
