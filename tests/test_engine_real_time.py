@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import subprocess
 import sys
+import time
+import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
@@ -21,9 +25,11 @@ from hypothesis.stateful import (
 )
 
 import hostmot2
+from hostmot2._core import ffi
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.ethernet import EthernetServer
 from hostmot2.engine import Off, RealTimeWarning
+from hostmot2.engine.options import warn_of
 from hostmot2.errors import HostMot2Error
 
 ROOT = Path(__file__).parent.parent
@@ -248,6 +254,73 @@ def test_ten_thousand_steps_in_any_order() -> None:
     while Anything.steps_done < STEPS:
         in_any_order(AnythingAtOnce, 5, 500)
     assert Anything.starts > STEPS / 50
+
+
+GRANTED = """
+import os, sys, warnings
+import hostmot2
+from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.engine import RealTimeWarning
+before = set(os.listdir("/proc/self/task"))
+locked = lambda: int(next(l for l in open("/proc/self/status") if l.startswith("VmLck")).split()[1])
+cpu = min(os.sched_getaffinity(0))
+with hostmot2.open(EmulatedBoard("5i25+7i77")) as board, warnings.catch_warnings(record=True) as refused:
+    warnings.simplefilter("always")
+    assert locked() == 0
+    with board.engine(200, real_time=7, cpu=cpu, dead_man=0) as engine:
+        next(engine.frames())
+        if any(issubclass(w.category, RealTimeWarning) for w in refused):
+            print("refused", *(w.message for w in refused))
+            sys.exit()
+        (thread,) = set(os.listdir("/proc/self/task")) - before
+        thread = int(thread)
+        assert os.sched_getscheduler(thread) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
+        assert os.sched_getparam(thread).sched_priority == 7
+        assert os.sched_getaffinity(thread) == {cpu}
+        assert os.sched_getscheduler(0) == os.SCHED_OTHER, "the program's own threads stay what they are"
+        assert locked() > 0
+print("granted")
+"""
+
+
+def test_what_is_granted_is_the_threads_own() -> None:
+    """In a process of its own: locked memory stays locked."""
+    done = subprocess.run(
+        [sys.executable, "-c", GRANTED], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+    )
+    if done.stdout.startswith("refused"):
+        pytest.skip(f"NOT TRIED IN REAL TIME: {done.stdout}")
+    assert done.stdout == "granted\n", done.stderr
+
+
+def test_each_refusal_is_a_warning_that_says_what_to_do() -> None:
+    refusals = ffi.new("hm2_engine_refusals *", {"priority": errno.EPERM, "lock_memory": errno.ENOMEM})
+    with pytest.warns(RealTimeWarning) as warned:
+        warn_of(refusals, -1)
+    texts = [str(each.message) for each in warned]
+    assert len(texts) == 2
+    assert any("SCHED_FIFO" in text and os.strerror(errno.EPERM) in text for text in texts)
+    assert any("mlockall" in text and os.strerror(errno.ENOMEM) in text for text in texts)
+    assert all("hm2 setup rt" in text for text in texts)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_of(ffi.new("hm2_engine_refusals *"), 0)
+
+
+def test_awake_before_the_time_is_not_begun_before_the_time() -> None:
+    """early= bounds when the thread wakes, never when a cycle begins."""
+    for early in (0.0, 0.002):
+        with hostmot2.open(EmulatedBoard("5i25+7i77")) as board:
+            board.watchdog.timeout = 5  # a stalled machine is not what is tested
+            engine = board.engine(200, early=early, dead_man=0)
+            ring = engine.record(256, 0)
+            with engine:
+                for frame in engine.frames(seconds=0.1):
+                    # its answer is there: now is behind its beginning, which was planned
+                    assert time.monotonic_ns() >= frame.status.start_ns
+                records = ring.pop()
+            steps = np.diff(records["start_ns"][:15])
+            assert (steps % 5_000_000 == 0).all()  # the schedule is absolute: periods or multiples of them
 
 
 def test_refused_real_time_is_a_warning() -> None:
