@@ -13,6 +13,7 @@ from hostmot2._core import ffi, lib
 from hostmot2.cycle import Order
 from hostmot2.idrom import ModuleDescriptor
 from hostmot2.modules.encoder import Encoder
+from hostmot2.modules.instances import whole
 from hostmot2.registers import Encoder as Registers
 from hostmot2.registers import Gtag
 
@@ -110,7 +111,7 @@ class EncoderModule:
 
     @skew.setter
     def skew(self, seconds: float) -> None:
-        clocks = round(seconds * self._descriptor.clock)
+        clocks = whole(seconds * self._descriptor.clock)
         if not self.has_skew and clocks:
             raise errors.UnsupportedFirmware(
                 f"encoders of version {self.version} cannot delay sampling; 4 and 0x84 can"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, overload
 
@@ -14,6 +15,11 @@ if TYPE_CHECKING:
     from hostmot2.board import Board
 
 Instance = TypeVar("Instance")
+
+
+def whole(value: float) -> int:
+    """The nearest int; -1, which no register takes, for what is below 0, infinite or no number."""
+    return round(value) if 0 <= value < math.inf else -1
 
 
 class HasWord(Protocol):

@@ -8,7 +8,7 @@ from hostmot2._core import ffi
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
 from hostmot2.idrom import PinDescriptor
-from hostmot2.modules.instances import Instances
+from hostmot2.modules.instances import Instances, whole
 from hostmot2.register_map import BitField
 from hostmot2.registers import Gtag, OneshotPin, OneshotTrigger
 from hostmot2.registers import Oneshot as Registers
@@ -59,7 +59,7 @@ class OneshotTimer:
         self._oneshot.write(Registers.filter1.number + self.index, self._filter)
 
     def _clocks(self, name: str, seconds: float, field: BitField) -> int:
-        clocks = round(seconds * self._oneshot.clock) if seconds >= 0 else -1
+        clocks = whole(seconds * self._oneshot.clock)
         if not 0 <= clocks <= field.maximum:
             limit = field.maximum / self._oneshot.clock
             raise ValueError(f"oneshot {self._oneshot.index}: {name} {seconds} s is outside 0..{limit:g} s")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from hostmot2._core import ffi
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import Instances
+from hostmot2.modules.instances import Instances, whole
 from hostmot2.registers import Gtag
 from hostmot2.registers import Period as Registers
 
@@ -93,7 +93,7 @@ class Period:
 
     @filter.setter
     def filter(self, seconds: float) -> None:
-        clocks = round(seconds * self._all.clock) if seconds >= 0 else -1
+        clocks = whole(seconds * self._all.clock)
         if not 0 <= clocks <= _MODE.filter.maximum:
             limit = _MODE.filter.maximum / self._all.clock
             raise ValueError(f"period {self.index}: filter {seconds} s is outside 0..{limit:g} s")

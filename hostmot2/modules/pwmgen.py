@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from hostmot2 import errors
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import CommandedInstances
+from hostmot2.modules.instances import CommandedInstances, whole
 from hostmot2.registers import Gtag, PwmgenOutput
 from hostmot2.registers import Pwmgen as Registers
 
@@ -142,7 +142,7 @@ class Pwmgens(CommandedInstances[Pwmgen]):
     def _choose(self, frequency: float) -> tuple[int, int]:
         """The widest resolution whose rate fits its 16 bits."""
         for bits in _WIDTHS:
-            rate = round(frequency * 65536 * 2**bits / self.clock) if frequency > 0 else 0
+            rate = whole(frequency * 65536 * 2**bits / self.clock)
             if 1 <= rate <= 0xFFFF:
                 return bits, rate
         limit = self.clock * 0xFFFF / 65536 / 2 ** _WIDTHS[-1]

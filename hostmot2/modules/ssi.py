@@ -9,7 +9,7 @@ from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
 from hostmot2.modules.absolute_format import AbsoluteField, parse_format
-from hostmot2.modules.instances import Instances
+from hostmot2.modules.instances import Instances, whole
 from hostmot2.registers import Gtag
 from hostmot2.registers import Ssi as Registers
 
@@ -40,7 +40,7 @@ class Ssi:
         it. Raises ValueError.
         """
         fields = parse_format(encoder_format, _DATA_BITS)
-        rate = round(frequency * 65536 / self._all.clock) if frequency > 0 else 0
+        rate = whole(frequency * 65536 / self._all.clock)
         if not 1 <= rate <= _CONTROL.rate.maximum:
             raise ValueError(f"SSI {self.index}: {frequency} Hz is outside 0..{self._all.clock} Hz")
         if not 0 <= timer <= 4:

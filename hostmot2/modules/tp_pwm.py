@@ -9,7 +9,7 @@ from hostmot2 import errors
 from hostmot2._core import ffi
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import CommandedInstances
+from hostmot2.modules.instances import CommandedInstances, whole
 from hostmot2.registers import Gtag
 from hostmot2.registers import TpPwm as Registers
 
@@ -170,7 +170,7 @@ class TpPwms(CommandedInstances[TpPwm]):
         board.on_close(self._off, SafeOff.GENERATORS)
 
     def _rate_of(self, hertz: float) -> int:
-        rate = round(hertz * 65536 * _CLOCKS / self.clock) if hertz > 0 else 0
+        rate = whole(hertz * 65536 * _CLOCKS / self.clock)
         if not 1 <= rate <= Registers.rate.rate.maximum:
             limit = self.clock * Registers.rate.rate.maximum / 65536 / _CLOCKS
             raise ValueError(f"PWM frequency {hertz} Hz is outside 0..{limit:.0f} Hz")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, overload
 
 from hostmot2 import errors
 from hostmot2.board import SafeOff
-from hostmot2.modules.instances import ModuleAccess
+from hostmot2.modules.instances import ModuleAccess, whole
 from hostmot2.registers import Gtag, UartRx, UartTx
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ _WORST_BAUD = 0.02
 
 def dds_rate(baud: float, clock: int, bits: int, width: int) -> int:
     """The rate register for `baud`: baud * 2^bits / clock in `width` bits. Raises ValueError if 2 % off."""
-    rate = round(baud * 2**bits / clock) if baud > 0 else 0
+    rate = whole(baud * 2**bits / clock)
     if not 1 <= rate < 1 << width or abs(rate * clock / 2**bits / baud - 1) > _WORST_BAUD:
         raise ValueError(f"{baud} baud cannot be made from {clock} Hz")
     return rate

@@ -11,6 +11,7 @@ from hostmot2 import errors
 from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
+from hostmot2.modules.instances import whole
 from hostmot2.registers import Gtag
 from hostmot2.registers import Watchdog as Registers
 
@@ -63,7 +64,7 @@ class Watchdog:
             self._board.write(self._address(Registers.timer.number), self._periods(seconds))
 
     def _periods(self, seconds: float) -> int:
-        periods = round(seconds * self._module.clock) - 1 if seconds == seconds else -1
+        periods = whole(seconds * self._module.clock) - 1
         if not 0 <= periods <= Registers.timer.count.maximum:
             limit = (Registers.timer.count.maximum + 1) / self._module.clock
             raise ValueError(f"watchdog timeout {seconds} s is outside 0..{limit:.1f} s")

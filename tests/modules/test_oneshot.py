@@ -56,6 +56,8 @@ def test_the_sheets_numbers(board: Board, emulated: EmulatedBoard) -> None:
             timer.filter = 2**24 / CLOCK_LOW
         with pytest.raises(ValueError, match="outside"):
             timer.width = -1.0
+        with pytest.raises(ValueError, match="outside"):
+            timer.filter = float("inf")
     with pytest.raises(ValueError, match="rate"):
         oneshot.rate = CLOCK_LOW
 

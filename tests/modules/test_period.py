@@ -40,7 +40,14 @@ def test_the_sheets_numbers(board: Board, monkeypatch: pytest.MonkeyPatch) -> No
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("averages", 0), ("averages", 4097), ("filter", 0.001), ("filter", -1.0), ("minimum_frequency", 0.0)],
+    [
+        ("averages", 0),
+        ("averages", 4097),
+        ("filter", 0.001),
+        ("filter", -1.0),
+        ("filter", float("inf")),
+        ("minimum_frequency", 0.0),
+    ],
 )
 def test_settings_that_do_not_fit_change_nothing(board: Board, name: str, value: float) -> None:
     meter = board.periods[0]

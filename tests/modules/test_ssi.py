@@ -57,7 +57,7 @@ def test_the_control_word(board: Board, emulated: EmulatedBoard) -> None:
     assert emulated.read(CONTROL + 8) == 0
 
 
-@pytest.mark.parametrize("frequency", [0.0, 700.0, 100e6, float("nan")])
+@pytest.mark.parametrize("frequency", [0.0, 700.0, 100e6, float("nan"), float("inf")])
 def test_clocks_the_divider_cannot_make_are_refused(board: Board, frequency: float) -> None:
     with pytest.raises(ValueError, match="Hz"):
         board.ssis[0].start("a%10u", frequency=frequency)

@@ -49,7 +49,7 @@ def test_rates_and_modes(board: Board, emulated: EmulatedBoard) -> None:
     assert emulated.read(TX + 0x310) == 0x40
 
 
-@pytest.mark.parametrize("baud", [0, 50, 200e6, float("nan")])
+@pytest.mark.parametrize("baud", [0, 50, 200e6, float("nan"), float("inf")])
 def test_speeds_the_clock_cannot_make_are_refused(board: Board, baud: float) -> None:
     with pytest.raises(ValueError, match="baud"):
         board.uarts[0].setup(baud)

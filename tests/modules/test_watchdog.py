@@ -101,7 +101,7 @@ def test_an_exception_in_the_users_code_lets_go(emulated: EmulatedBoard) -> None
     assert emulated.pin(GPIO).level == "H"
 
 
-@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), 65.0])
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan"), float("inf"), 65.0])
 def test_timeouts_the_counter_cannot_hold_are_refused(board: Board, seconds: float) -> None:
     with pytest.raises(ValueError, match="outside"):
         board.watchdog.timeout = seconds
