@@ -1,4 +1,4 @@
-"""hm2 record and hm2 live on a card that another program drives: they keep their hands off it."""
+"""What takes a card over, on a card that another program drives: it keeps its hands off it."""
 
 from __future__ import annotations
 
@@ -18,6 +18,10 @@ from hostmot2.transports.emulated import transport_of
 COMMANDS = {
     "record": ["record", "-o", "run.mcap", "--seconds", "0.05"],
     "live": ["live", "--port", "0", "--seconds", "0.05", "--layout", "run.mcap"],
+    "scan": ["sserial", "scan"],
+    "start": ["sserial", "start", "0x03"],
+    "stop": ["sserial", "stop"],
+    "param": ["param", "list", "-c", "0.1"],
 }
 
 
@@ -42,7 +46,7 @@ def card() -> EmulatedBoard:
 def witness(card: EmulatedBoard, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Witness:
     """On the bus of the commands, which open this card whatever their URL."""
     seen = Witness(card)
-    monkeypatch.setattr(hostmot2, "open", lambda _url, read_only: hostmot2.Board(seen.transport))
+    monkeypatch.setattr(hostmot2, "open", lambda _url, **_: hostmot2.Board(seen.transport))
     monkeypatch.chdir(tmp_path)
     return seen
 

@@ -11,6 +11,7 @@ import click
 
 from hostmot2.cli import failure
 from hostmot2.cli.session import MASK, Session, reports, rows, text_width
+from hostmot2.modules.driven import raise_if_driven
 from hostmot2.sserial.checklist import advise
 from hostmot2.sserial.results import HEADER as RESULT_HEADER
 
@@ -37,6 +38,7 @@ def sserial() -> None:
 @contextmanager
 def _port(session: Session, number: int) -> Iterator[tuple[Board, SserialPort]]:
     with session.board() as board:
+        raise_if_driven(board)
         ports = board.sserial
         if number >= len(ports):
             raise click.UsageError(f"there is no port {number}: the card has {len(ports)}")
