@@ -19,8 +19,8 @@ PAGE = FOLDER.parent / "promises.md"
 SOURCES = {
     "interrupts": "python -m tests.faults.interrupts --count 10000 "
     "-o docs/reference/promises/interrupts.json",
-    "forks": "python -m tests.faults.forks -o docs/reference/promises/forks.json",
-    "endings": "python -m tests.faults.endings -o docs/reference/promises/endings.json",
+    "forks": "python -m tests.faults.forks --seconds 480 -o docs/reference/promises/forks.json",
+    "endings": "python -m tests.faults.endings --seconds 480 -o docs/reference/promises/endings.json",
     "kills": "python -m tests.faults.kills -o docs/reference/promises/kills.json",
     "soak": "python -m tests.faults.soak --seconds 600 --real-time -o docs/reference/promises/soak.json",
 }
@@ -154,7 +154,7 @@ def _endings(figures: dict[str, Any]) -> str:
         "a signal or `sys.exit()`, down to the end of the interpreter, or forks a child that ends so. Behind "
         "the end of a process no pin is driven, the card is free for the next one, and the exit status is "
         "what a shell expects; behind the end of a child the pins are driven as before. "
-        f"**{figures['count']} processes, {figures['wrong']} wrong**, none hung. Ended before their own end: "
+        f"**{figures['count']} processes, {figures['wrong']} wrong**, none hung. Ended, or forked: "
         f"{_listed(figures['ended'])}; while {_listed(figures['places'])}.\n"
     )
 
