@@ -1,0 +1,67 @@
+"""An axis of the engine: its settings while it runs and while it does not, and what it refuses."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+import hostmot2
+from hostmot2.emulator.board import EmulatedBoard
+
+
+@pytest.fixture
+def engine() -> Iterator[Any]:
+    with hostmot2.open(EmulatedBoard("5i25+7i77", clock="virtual")) as board:
+        board.card("7i77").start()
+        yield board.engine(rate=1000, dead_man=0)
+
+
+def axis_of(engine: Any, **more: Any) -> Any:
+    return engine.add_pid(
+        "x", feedback="encoder0.position", output="analogout0", p=2.0, max_output=10, **more
+    )
+
+
+def step(engine: Any, count: int) -> None:
+    for _ in range(count):
+        engine.step()
+
+
+def test_settings_are_taken_at_once_or_from_the_next_cycle_on(engine: Any) -> None:
+    axis = axis_of(engine)
+    axis.tune(p=3.0, ff0=1.0)
+    assert (axis.settings["p"], axis.settings["ff0"], axis.settings["max_output"]) == (3.0, 1.0, 10)
+    with engine:
+        axis.position = 2.0
+        engine.enable()
+        step(engine, 3)
+        assert axis.output == pytest.approx(3.0 * axis.error + 2.0)
+        axis.tune(p=1.0)
+        step(engine, 1)
+        assert axis.output == pytest.approx(1.0 * axis.error + 2.0)
+        assert axis.settings["p"] == 1.0
+        assert repr(axis).startswith("<Axis x at 2, error 2, ")
+
+
+def test_a_commanded_velocity_is_fed_forward(engine: Any) -> None:
+    axis = axis_of(engine, ff1=0.5, velocity_command=True)
+    with engine:
+        axis.position = 0.0
+        axis.velocity = 4.0
+        assert axis.velocity == 4.0
+        engine.enable()
+        step(engine, 3)
+        assert axis.output == pytest.approx(2.0 * axis.error + 0.5 * 4.0)
+
+
+@pytest.mark.parametrize(
+    ("setting", "refusal"), [({"speed": 1.0}, TypeError), ({"max_output": float("nan")}, ValueError)]
+)
+def test_settings_that_cannot_be_are_refused_and_change_nothing(
+    engine: Any, setting: Any, refusal: Any
+) -> None:
+    axis = axis_of(engine)
+    before = axis.settings
+    with pytest.raises(refusal):
+        axis.tune(**setting)
+    assert axis.settings == before
