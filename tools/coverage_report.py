@@ -2,8 +2,8 @@
 
 python tools/coverage_report.py                     all tests; writes docs/reference/coverage.md
 python tools/coverage_report.py --report-only       the page from the counters that are there
-python tools/coverage_report.py --only TEST ...     these tests add to the counters, in a few minutes less; sources
-                                                    that have changed count from the beginning
+python tools/coverage_report.py --only TEST ...     these tests add to the counters of the last run;
+                                                    sources that have changed begin anew
 python tools/coverage_report.py --report-only --show NAME   prints what is left in files with this name
 """
 
