@@ -270,6 +270,9 @@ from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.engine import RealTimeWarning
 before = set(os.listdir("/proc/self/task"))
 locked = lambda: int(next(l for l in open("/proc/self/status") if l.startswith("VmLck")).split()[1])
+def faults(thread):  # minor and major, of this thread alone
+    fields = open(f"/proc/self/task/{thread}/stat").read().rsplit(")")[1].split()
+    return int(fields[7]) + int(fields[9])
 cpu = min(os.sched_getaffinity(0))
 with hostmot2.open(EmulatedBoard("5i25+7i77")) as board, warnings.catch_warnings(record=True) as refused:
     warnings.simplefilter("always")
@@ -286,6 +289,10 @@ with hostmot2.open(EmulatedBoard("5i25+7i77")) as board, warnings.catch_warnings
         assert os.sched_getaffinity(thread) == {cpu}
         assert os.sched_getscheduler(0) == os.SCHED_OTHER, "the program's own threads stay what they are"
         assert locked() > 0
+        taken = faults(thread)
+        for _ in zip(range(50), engine.frames()):
+            pass
+        assert faults(thread) == taken, "memory it needs is there before the first cycle"
 print("granted")
 """
 
