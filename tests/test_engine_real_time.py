@@ -126,6 +126,7 @@ for turn in range(60):
     emulated = EmulatedBoard("5i25+7i77", clock="virtual" if turn % 3 else "real")
     analog = emulated.sserial[0].remote(1)
     board = hostmot2.open(emulated)
+    board.watchdog.timeout = 5  # a stalled machine is not what is tested
     card = board.card("7i77")
     card.start()
     if turn % 2:

@@ -272,6 +272,7 @@ int hm2_emulator_sserial_channels(const hm2_emulator *card, int instance)
 
 int hm2_emulator_interrupt(hm2_emulator *card)
 {
+	CARD_HOLD(card);
 	struct card_module *module = card_find(card, HM2_GTAG_IRQ);
 	hm2_emulator_sync(card);
 	return module != NULL && irq_asserted(module);
