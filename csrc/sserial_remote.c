@@ -153,11 +153,16 @@ static int access_in_space(struct hm2_sserial *port, uint32_t channel, uint32_t 
 	int status = select_space(port, channel, space, error);
 	if (status == HM2_OK)
 		status = access_again(port, channel, command, address, value, error);
-	const int restored = channel < port->config.channels ? select_space(port, channel, HM2_LBP_SPACE_RAM, NULL)
+	hm2_error why = {0};
+	const int restored = channel < port->config.channels ? select_space(port, channel, HM2_LBP_SPACE_RAM, &why)
 	                                                     : HM2_OK;
-	if (status == HM2_OK && restored != HM2_OK)
-		status = select_space(port, channel, HM2_LBP_SPACE_RAM, error);
-	return status;
+	if (status != HM2_OK || restored == HM2_OK)
+		return status;
+	if (port->started & 1u << channel)
+		return select_space(port, channel, HM2_LBP_SPACE_RAM, error);
+	if (error) /* it hung, and everything was stopped: not to be kept from whoever asked */
+		*error = why;
+	return restored;
 }
 
 static int check_access(const struct hm2_sserial *port, uint32_t channel, uint32_t space, uint32_t address,

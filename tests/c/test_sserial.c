@@ -1,5 +1,6 @@
 /* The SSERIAL port when its mailbox hangs, its bus fails or nobody takes its faults. */
 #include "mailbox.h"
+#include "registers.h"
 
 static struct mailbox box;
 
@@ -291,8 +292,31 @@ static void test_a_remotes_value_is_as_wide_as_was_asked_for(void)
 	mailbox_free(&box);
 }
 
+static size_t doits;
+
+static int not_the_third_doit(struct mailbox *mailbox, uint32_t command)
+{
+	(void)mailbox;
+	return (command & 0xFF00) != 0x1000 || ++doits != 3;
+}
+
+static void test_a_port_stopped_while_the_space_is_put_back_says_so(void)
+{
+	uint64_t value = 0;
+	mailbox_open(&box);
+	CHECK_EQUAL(hm2_sserial_start(box.port, 1, HM2_SSERIAL_SETUP, &box.error), 0);
+	doits = 0;
+	box.completes = not_the_third_doit;
+	CHECK_EQUAL(hm2_sserial_read_remote(box.port, 0, HM2_LBP_SPACE_EEPROM, 0x10, 1, &value, &box.error),
+	            HM2_ERR_TIMEOUT);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_UNJAMMED);
+	CHECK_EQUAL(hm2_sserial_started(box.port), 0);
+	mailbox_free(&box);
+}
+
 int main(void)
 {
+	test_a_port_stopped_while_the_space_is_put_back_says_so();
 	test_a_remotes_value_is_as_wide_as_was_asked_for();
 	test_a_doit_names_the_channels_that_were_asked_for();
 	test_interface_data_is_zeroed_before_a_start();
