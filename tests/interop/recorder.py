@@ -212,14 +212,21 @@ def _explains(stall: Stall, at: float) -> bool:
     return stall.start - AFTER <= at <= stall.end + BEFORE + stall.seconds
 
 
+LOST_UNTIL_STOPPED = 5
+"""Replies in a row: packet-error-limit over packet-error-increment, as hm2_eth has them (interop.md)."""
+
+
 def counts_wrong(cycles: list[Cycle], rate: float) -> list[int]:
     """Cycles that brought a count of encoder 0 which it did not have between the cycle before and this one.
 
     It turns steadily from its first movement to its last. A cycle without a reply repeats the count before.
+    Nothing is said of what came after LinuxCNC had stopped: see `minute`.
     """
     moves = [n for n in range(1, len(cycles)) if cycles[n].counts[0] != cycles[n - 1].counts[0]]
     wrong: list[int] = []
     for last, now in pairwise(moves[1:-1]):
+        if now - last > LOST_UNTIL_STOPPED:
+            continue
         moved = cycles[now].counts[0] - cycles[last].counts[0]
         least = rate * (cycles[now - 1].seconds - cycles[last].seconds)
         most = rate * (cycles[now].seconds - cycles[last - 1].seconds)

@@ -180,7 +180,9 @@ def minute(network, directory) -> tuple[Verdict, int]:
         while time.monotonic() < end:
             plant.round()
             recorder.look()
-        if not recorder.bites:
+        # an error that stops LinuxCNC lets the card's watchdog bite, unseen by it: the encoders' select pin
+        # floats, and meanwhile the first encoder of each pair counts the second one's lines, as on hardware
+        if not recorder.recoveries:
             plant.counts_right()
         hal.halcmd("stop")
         requests, replies = recorder.stop()
