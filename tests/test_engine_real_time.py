@@ -289,12 +289,12 @@ with hostmot2.open(EmulatedBoard("5i25+7i77")) as board, warnings.catch_warnings
         assert os.sched_getparam(thread).sched_priority == 7
         assert os.sched_getaffinity(thread) == {cpu}
         assert os.sched_getscheduler(0) == os.SCHED_OTHER, "the program's own threads stay what they are"
-        assert locked() > 0
+        sanitized = "ASAN_OPTIONS" in os.environ  # locks no memory, and its own comes page by page
+        assert locked() > 0 or sanitized
         taken = faults(thread)
         for _ in zip(range(50), engine.frames()):
             pass
-        # the address sanitizer's shadow comes page by page
-        assert faults(thread) == taken or "ASAN_OPTIONS" in os.environ, "memory comes in the cycle"
+        assert faults(thread) == taken or sanitized, "memory comes in the cycle"
 print("granted")
 """
 
