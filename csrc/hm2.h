@@ -1652,7 +1652,7 @@ typedef struct hm2_udp_floor_cycle {
 	struct hm2_cycle *cycle;
 	struct hm2_process_data *process_data; /* may be NULL */
 	hm2_error error;
-	uint32_t state;
+	uint32_t state; /* of the numbers by which cycles are timed out of step */
 } hm2_udp_floor_cycle;
 
 int hm2_udp_floor_cycle_run(hm2_udp_floor_cycle *cycle);
@@ -1660,8 +1660,6 @@ int hm2_udp_floor_cycles(hm2_udp_floor_cycle *cycle, uint32_t count, uint64_t *n
 
 /* What a look at a socket with nothing in it takes: who waits awake learns of a reply up to so much late. */
 int hm2_udp_floor_looks(uint32_t count, uint64_t *ns, hm2_error *error);
-/* Waits a moment, each time another. */
-void hm2_udp_floor_out_of_step(uint32_t *state);
 
 /* Cycles at a fixed period: what was late, and where the time went. A cycle is late when its values are not
  * there one period after its start was due; it belongs to the stage that took longest. */

@@ -166,7 +166,7 @@ static ssize_t receive(int file, uint8_t *reply, size_t capacity, uint32_t spin_
 
 /* Two loops that look at a socket at their own pace fall into step, and the step then decides what an exchange
  * takes: by a whole look, 6 % of it. So each starts at another moment. */
-void hm2_udp_floor_out_of_step(uint32_t *state)
+static void out_of_step(uint32_t *state)
 {
 	const int64_t start = hm2_clock_now_ns();
 
@@ -207,7 +207,7 @@ static int exchange(int file, const uint8_t *request, size_t length, uint32_t sp
 		int64_t now;
 
 		if (window == 1) {
-			hm2_udp_floor_out_of_step(&state);
+			out_of_step(&state);
 			last = hm2_clock_now_ns();
 		}
 		if (send(file, request, length, 0) < 0 || receive(file, reply, sizeof reply, spin_ns) < 0)
@@ -250,7 +250,7 @@ int hm2_udp_floor_cycle_run(hm2_udp_floor_cycle *cycle)
 int hm2_udp_floor_cycles(hm2_udp_floor_cycle *cycle, uint32_t count, uint64_t *ns)
 {
 	for (uint32_t i = 0; i < count; i++) {
-		hm2_udp_floor_out_of_step(&cycle->state);
+		out_of_step(&cycle->state);
 
 		const int64_t start = hm2_clock_now_ns();
 		const int status = hm2_udp_floor_cycle_run(cycle);

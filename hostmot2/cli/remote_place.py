@@ -11,8 +11,8 @@ import click
 
 from hostmot2.cli.serial_remote import remote_at
 from hostmot2.cli.session import Session
+from hostmot2.cli.sserial import port_of
 from hostmot2.lbp import LbpRemote, describe
-from hostmot2.modules.driven import raise_if_driven
 from hostmot2.remotes.discovery import RemoteDescription
 from hostmot2.remotes.parameters import Parameters
 
@@ -50,12 +50,7 @@ def place_options(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _port(stack: ExitStack, session: Session, place: Place) -> SserialPort:
-    board = stack.enter_context(session.board())
-    raise_if_driven(board)
-    ports = board.sserial
-    if place[0] >= len(ports):
-        raise click.UsageError(f"there is no port {place[0]}: the card has {len(ports)}")
-    port: SserialPort = ports[place[0]]
+    _, port = stack.enter_context(port_of(session, place[0]))
     if place[1] >= len(port.channels):
         raise click.UsageError(f"there is no channel {place[1]}: port {place[0]} has {len(port.channels)}")
     return port

@@ -36,7 +36,8 @@ def sserial() -> None:
 
 
 @contextmanager
-def _port(session: Session, number: int) -> Iterator[tuple[Board, SserialPort]]:
+def port_of(session: Session, number: int) -> Iterator[tuple[Board, SserialPort]]:
+    """The card and its smart-serial port of that number. Raises CardBusy if another program drives it."""
     with session.board() as board:
         raise_if_driven(board)
         ports = board.sserial
@@ -78,7 +79,7 @@ def scan(session: Session, number: int) -> None:
       hm2 --board "emu://5i25+7i77?silent=0" sserial scan
       hm2 --json sserial scan
     """
-    with _port(session, number) as (_, port):
+    with port_of(session, number) as (_, port):
         found = port.scan(setup_rate=True)
     document = [
         _evidence(row)
@@ -112,7 +113,7 @@ def start(
       hm2 sserial start 0x01 --run 2
       hm2 sserial start 0x02 --setup
     """
-    with _port(session, number) as (board, port):
+    with port_of(session, number) as (board, port):
         result = port.start(mask, "setup" if setup else "normal")
         failed = 0
         if seconds and result.started and not setup:
@@ -155,7 +156,7 @@ def stop(session: Session, mask: int | None, number: int) -> None:
       hm2 sserial stop
       hm2 sserial stop 0x02
     """
-    with _port(session, number) as (_, port):
+    with port_of(session, number) as (_, port):
         port.stop(mask)
     session.report({"stopped": 0xFF if mask is None else mask}, "stopped")
 
@@ -172,7 +173,7 @@ def status(session: Session, number: int) -> None:
       hm2 --json sserial status --port 0
     """
     lines, document = [], []
-    with _port(session, number) as (_, port):
+    with port_of(session, number) as (_, port):
         for channel in port.channels:
             found = channel.status
             lines.append((channel.number, f"0x{found.word:08X}", found.state, ", ".join(found.live)))
@@ -198,7 +199,7 @@ def counters(session: Session, number: int) -> None:
       hm2 sserial counters
       hm2 --json sserial counters
     """
-    with _port(session, number) as (_, port):
+    with port_of(session, number) as (_, port):
         counted = [asdict(row) for row in port.counters()]
     header = [name.replace("_", " ") for name in counted[0]] if counted else []
     session.report(counted, rows(header, [tuple(row.values()) for row in counted]))

@@ -15,7 +15,7 @@ from faults.operations import (
     Values,
     WriteParameter,
 )
-from faults.world import REMOTE_FAULT, Faults
+from faults.world import REMOTE_FAULT, Faults, heal
 from hostmot2._core import lib
 from hostmot2.lbp import LbpRemote, WireLink, parameters
 from hostmot2.registers import LbpLocal, LbpSpace
@@ -70,14 +70,8 @@ class AdapterWorld:
 
     def settle(self) -> None:
         """No more faults, and the remote in good health."""
-        remote = self.remotes[0]
         self.faults.plan([])
-        remote.inject(bad_crc=0, truncate=0, extra=0, framing_break=0, skip=0)
-        if not remote.alive:
-            remote.alive = True
-            remote.power_cycle()
-        if remote.fault == REMOTE_FAULT:
-            remote.fault = 0
+        heal(self.remotes[0])
 
     def recover(self) -> None:
         """There is nothing to do: the client finds its remote again by itself."""

@@ -138,6 +138,19 @@ DATAGRAMS = Layer(
     {"stuck command": "the mailbox behind the datagrams is the one of the register accesses"},
 )
 
+# what a remote sends, to the firmware or to a client, has the same frame
+LBP_LOST = (
+    Variant("lost", "", lib.HM2_FAULT_LOST),
+    Variant("lost", "and all behind it", lib.HM2_FAULT_LOST, repeat=-1, lasting=True),
+)
+LBP_DAMAGED = (
+    Variant("duplicated", "", lib.HM2_FAULT_TWICE),
+    Variant("corrupted", "wrong CRC", lib.HM2_FAULT_CORRUPT),
+    Variant("corrupted", "no stop bit", lib.HM2_FAULT_BREAK),
+    Variant("short", "by 1 byte", lib.HM2_FAULT_SHORT, 1),
+    Variant("long", "by 1 byte", lib.HM2_FAULT_LONG, 1),
+)
+
 ANSWERS = Layer(
     "LBP answers",
     "an answer of a remote to the card's firmware",
@@ -145,15 +158,10 @@ ANSWERS = Layer(
     "words",
     lambda world: None,  # see runs.py: each remote in turn
     (
-        Variant("lost", "", lib.HM2_FAULT_LOST),
-        Variant("lost", "and all behind it", lib.HM2_FAULT_LOST, repeat=-1, lasting=True),
+        *LBP_LOST,
         Variant("late", "by 20 us", lib.HM2_FAULT_LATE, 20 * US),
         Variant("late", "by 1 ms", lib.HM2_FAULT_LATE, 1 * MS),
-        Variant("duplicated", "", lib.HM2_FAULT_TWICE),
-        Variant("corrupted", "wrong CRC", lib.HM2_FAULT_CORRUPT),
-        Variant("corrupted", "no stop bit", lib.HM2_FAULT_BREAK),
-        Variant("short", "by 1 byte", lib.HM2_FAULT_SHORT, 1),
-        Variant("long", "by 1 byte", lib.HM2_FAULT_LONG, 1),
+        *LBP_DAMAGED,
         *MACHINE,
         Variant("stuck command", "the remote stays busy", act=lambda world: world.hang(), lasting=True),
         USER,
@@ -168,15 +176,10 @@ REPLIES = Layer(
     "adapter",
     lambda world: world.faults,
     (
-        Variant("lost", "", lib.HM2_FAULT_LOST),
-        Variant("lost", "and all behind it", lib.HM2_FAULT_LOST, repeat=-1, lasting=True),
+        *LBP_LOST,
         Variant("late", "by 1 ms", lib.HM2_FAULT_LATE, 1 * MS),
         Variant("late", "by 150 ms, when nobody waits any more", lib.HM2_FAULT_LATE, 150 * MS),
-        Variant("duplicated", "", lib.HM2_FAULT_TWICE),
-        Variant("corrupted", "wrong CRC", lib.HM2_FAULT_CORRUPT),
-        Variant("corrupted", "no stop bit", lib.HM2_FAULT_BREAK),
-        Variant("short", "by 1 byte", lib.HM2_FAULT_SHORT, 1),
-        Variant("long", "by 1 byte", lib.HM2_FAULT_LONG, 1),
+        *LBP_DAMAGED,
         *MACHINE,
         USER,
     ),

@@ -205,12 +205,7 @@ class World:
         for faults in self.answers:
             faults.plan([])
         for remote in self.remotes:
-            remote.inject(bad_crc=0, truncate=0, extra=0, framing_break=0, skip=0)
-            if not remote.alive:
-                remote.alive = True
-                remote.power_cycle()
-            if remote.fault == REMOTE_FAULT:
-                remote.fault = 0
+            heal(remote)
             remote.fault_clears = True
             remote.clear_flag_busy_reads = 0
 
@@ -286,6 +281,18 @@ SOON = 1 << 26
 """Clocks that one may wait for a watchdog to run out; relaxed it takes 2^31."""
 
 REMOTE_FAULT = 0x04
+
+
+def heal(remote: Any) -> None:
+    """A remote that answers again, undisturbed and without the fault it was given."""
+    remote.inject(bad_crc=0, truncate=0, extra=0, framing_break=0, skip=0)
+    if not remote.alive:
+        remote.alive = True
+        remote.power_cycle()
+    if remote.fault == REMOTE_FAULT:
+        remote.fault = 0
+
+
 """Over temperature: nothing that the driver or the remote would set by itself."""
 
 _MOVE_NOTHING = (Gtag.SSERIAL, Gtag.MUXED_ENCODER_SELECT)
