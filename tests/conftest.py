@@ -1,11 +1,14 @@
 """What holds for every test."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from hypothesis import settings
 
+import hostmot2
 from hostmot2.cli import main
+from hostmot2.emulator import EmulatedBoard
 
 VARIABLES = ("COMPORT", "BAUDRATE", "BAUDRATEMUL", "PROTOCOL", "INTERFACE")
 """Of the 8I20 manual's programs."""
@@ -35,3 +38,17 @@ def command_line(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPa
 def hm2(command_line: CommandLine) -> CommandLine:
     """The same; where `hm2` is a board, tests have it by the other name."""
     return command_line
+
+
+@pytest.fixture
+def emulated() -> EmulatedBoard:
+    """A 7I77 in virtual time."""
+    return EmulatedBoard("5i25+7i77", clock="virtual")
+
+
+@pytest.fixture
+def board(emulated: EmulatedBoard) -> Iterator[Any]:
+    """The same, opened, its remotes started."""
+    with hostmot2.open(emulated) as opened:
+        opened.card("7i77").start()
+        yield opened

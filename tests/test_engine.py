@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
+from engine_steps import run
 
 import hostmot2
 from hostmot2._core import ffi, lib
@@ -23,29 +23,8 @@ from hostmot2.registers import Gtag
 MS = 0.001
 
 
-@pytest.fixture
-def emulated() -> EmulatedBoard:
-    return EmulatedBoard("5i25+7i77", clock="virtual")
-
-
-@pytest.fixture
-def board(emulated: EmulatedBoard) -> Iterator[Any]:
-    with hostmot2.open(emulated) as opened:
-        opened.card("7i77").start()
-        yield opened
-
-
 def analog(emulated: EmulatedBoard) -> Any:
     return emulated.sserial[0].remote(1)
-
-
-def run(engine: Any, cycles: int, write: bool = True) -> Any:
-    frame = None
-    for _ in range(cycles):
-        if write:
-            engine.write()
-        frame = engine.step()
-    return frame
 
 
 def kinds(engine: Any) -> list[tuple[EventKind, int]]:

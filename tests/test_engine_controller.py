@@ -8,7 +8,7 @@ import importlib.util
 import re
 import subprocess
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -16,6 +16,7 @@ from typing import Any
 import cffi
 import numpy as np
 import pytest
+from engine_steps import run
 
 import hostmot2
 from hostmot2.emulator.board import EmulatedBoard
@@ -81,30 +82,11 @@ def module(path: Path) -> ModuleType:
     return loaded
 
 
-@pytest.fixture
-def emulated() -> EmulatedBoard:
-    return EmulatedBoard("5i25+7i77", clock="virtual")
-
-
-@pytest.fixture
-def board(emulated: EmulatedBoard) -> Iterator[Any]:
-    with hostmot2.open(emulated) as opened:
-        opened.card("7i77").start()
-        yield opened
-
-
 def seen_by(compiled: Any, engine: Any) -> Any:
     context = compiled.ffi.new("struct seen *")
     context.input = engine.input_names.index("encoder0.raw_count")
     context.output = engine.outputs.index("analogout0")
     return context
-
-
-def cycles(engine: Any, count: int) -> Any:
-    for _ in range(count):
-        engine.write()
-        frame = engine.step()
-    return frame
 
 
 # -- what it gets and what becomes of what it leaves
@@ -121,11 +103,11 @@ def test_a_function_of_cffi_gets_inputs_commands_and_time_and_its_outputs_go_out
         assert engine.step().off == Off.IDLE
         assert (seen.calls, seen.enabled) == (1, 0)  # it sees inputs before anything is on
         engine.outputs["analogout0"] = 1.5
-        frame = cycles(engine, 3)
+        frame = run(engine, 3)
         assert (seen.calls, seen.enabled, seen.seconds) == (4, 1, 0.002)
         assert seen.count == frame["encoder0.raw_count"] > 0
         assert frame.sent["analogout0"] == 3.5  # of what was written, not of what went out before
-        cycles(engine, 2)
+        run(engine, 2)
         emulated.advance(200.0)
         assert emulated.sserial[0].remote(1).get("analogout0") == pytest.approx(3.5, abs=0.01)
 
@@ -137,9 +119,9 @@ def test_while_outputs_are_off_nothing_of_it_goes_out(
     seen = seen_by(compiled, engine)
     engine.add_control(compiled.ffi.addressof(compiled.lib, "look"), seen)
     with engine:
-        assert cycles(engine, 3).sent["analogout0"] == 0.5
+        assert run(engine, 3).sent["analogout0"] == 0.5
         engine.disable()
-        frame = cycles(engine, 3)
+        frame = run(engine, 3)
         assert (frame.sent["analogout0"], seen.enabled, seen.calls) == (0.0, 0, 6)
     emulated.advance(200.0)
     assert emulated.sserial[0].remote(1).get("analogout0") == 0.0
@@ -157,7 +139,7 @@ def test_functions_run_in_their_order_and_then_the_axes(board: Any, compiled: An
         engine.add_control(compiled.ffi.addressof(compiled.lib, "look"), seen)
     with engine:
         axis.position = 1.0
-        assert cycles(engine, 2).sent["analogout1"] == (1.0 * 2 + 0.5) * 2 + 0.5
+        assert run(engine, 2).sent["analogout1"] == (1.0 * 2 + 0.5) * 2 + 0.5
 
 
 @pytest.mark.parametrize("name", ["not_a_number", "endless"])
@@ -169,14 +151,14 @@ def test_what_is_no_finite_number_turns_outputs_off(
     engine.add_control(compiled.ffi.addressof(compiled.lib, name), np.array([index], np.int32))
     with engine:
         engine.outputs["analogena"] = 1
-        frame = cycles(engine, 4)
+        frame = run(engine, 4)
         assert frame.off == Off.CONTROL
         assert not frame.sent.array.any()
         assert (EventKind.CONTROL, index) in [(e.kind, e.index) for e in engine.events()]
         emulated.advance(200.0)
         assert not emulated.sserial[0].remote(1).get("analogena")
         engine.enable()
-        assert cycles(engine, 2).off == Off.CONTROL
+        assert run(engine, 2).off == Off.CONTROL
 
 
 def test_a_function_of_a_library_is_given_by_its_address(board: Any, tmp_path: Path) -> None:
@@ -188,7 +170,7 @@ def test_a_function_of_a_library_is_given_by_its_address(board: Any, tmp_path: P
     address = ctypes.cast(function, ctypes.c_void_p).value
     engine.add_control(address, ctypes.c_int(engine.outputs.index("analogout1")))
     with engine:
-        assert cycles(engine, 2).off == Off.CONTROL
+        assert run(engine, 2).off == Off.CONTROL
 
 
 def numba() -> Any:
@@ -215,7 +197,7 @@ def test_a_function_of_numba_is_given_by_itself_or_its_address(board: Any, emula
         assert first == 0
         engine.add_control(function)
         with engine:
-            frame = cycles(engine, 3)
+            frame = run(engine, 3)
             assert frame["encoder0.position"] != 0.0
             assert frame.sent.array[0] == frame["encoder0.position"] * 0.001
 
@@ -268,7 +250,7 @@ def test_function_and_context_live_as_long_as_the_engine(board: Any, compiled: A
     gc.collect()
     assert None not in [each() for each in gone]
     with engine:
-        assert cycles(engine, 2).off == Off.CONTROL
+        assert run(engine, 2).off == Off.CONTROL
     assert None not in [each() for each in gone]
 
 
@@ -312,7 +294,7 @@ def test_what_is_no_controller_is_refused(
     with pytest.raises(error):
         engine.add_control(wrong(compiled))
     with engine:  # nothing of it was kept
-        assert cycles(engine, 2).off == 0
+        assert run(engine, 2).off == 0
 
 
 @pytest.mark.parametrize("context", [b"read-only", "text", 1.5, True, -1, object(), 1 << 64])

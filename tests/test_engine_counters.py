@@ -28,11 +28,6 @@ class Wheel:
 
 
 @pytest.fixture
-def emulated() -> EmulatedBoard:
-    return EmulatedBoard("5i25+7i77", clock="virtual")
-
-
-@pytest.fixture
 def board(emulated: EmulatedBoard) -> Iterator[Any]:
     with hostmot2.open(emulated) as opened:
         card = opened.card("7i77")

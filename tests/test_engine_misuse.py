@@ -8,12 +8,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from engine_steps import run
 
 import hostmot2
 from hostmot2.emulator.board import EmulatedBoard
@@ -21,20 +21,6 @@ from hostmot2.engine import Off
 from hostmot2.errors import EngineError
 
 ROOT = Path(__file__).parent.parent
-
-
-@pytest.fixture
-def board() -> Iterator[Any]:
-    with hostmot2.open(EmulatedBoard("5i25+7i77", clock="virtual")) as opened:
-        opened.card("7i77").start()
-        yield opened
-
-
-def run(engine: Any, cycles: int) -> Any:
-    for _ in range(cycles):
-        engine.write()
-        frame = engine.step()
-    return frame
 
 
 # -- when it is over

@@ -3,35 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from engine_steps import run
 
 import hostmot2
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.catalog import remote
 from hostmot2.engine import EventKind, Off
 from hostmot2.errors import EngineError
-
-
-@pytest.fixture
-def emulated() -> EmulatedBoard:
-    return EmulatedBoard("5i25+7i77", clock="virtual")
-
-
-@pytest.fixture
-def board(emulated: EmulatedBoard) -> Iterator[Any]:
-    with hostmot2.open(emulated) as opened:
-        opened.card("7i77").start()
-        yield opened
-
-
-def run(engine: Any, cycles: int) -> Any:
-    for _ in range(cycles):
-        engine.write()
-        frame = engine.step()
-    return frame
 
 
 def kinds(engine: Any) -> list[EventKind]:
