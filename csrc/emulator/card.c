@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "card_modules.h"
+#include "inheriting_mutex.h"
 
 struct card_module *card_find(struct hm2_emulator *card, uint8_t gtag)
 {
@@ -125,11 +126,7 @@ int hm2_emulator_new(const uint32_t *idrom, size_t words, const hm2_emulator_opt
 	*out = NULL;
 	if (card == NULL)
 		return fail(error, HM2_ERR_NO_MEMORY, 0, "emulated card");
-	pthread_mutexattr_t attributes;
-	pthread_mutexattr_init(&attributes);
-	pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_RECURSIVE);
-	pthread_mutex_init(&card->lock, &attributes);
-	pthread_mutexattr_destroy(&attributes);
+	inheriting_mutex_init(&card->lock);
 	card->options = *options;
 	card->mux_delay_ps = CARD_MUX_DELAY_PS;
 	if (card->options.sserial_clock_hz == 0)

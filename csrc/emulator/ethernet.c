@@ -1,5 +1,6 @@
 /* The LBP16 packet engine: one datagram in, at most one out. Fact sheet lbp16.md 3. */
 #include "ethernet.h"
+#include "inheriting_mutex.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -72,19 +73,6 @@ static void restart(struct hm2_ethernet *ethernet)
 	ethernet->reload_requested = 0;
 }
 
-/* Recursive: who holds the card may still look into the engine. With inheritance: who holds it runs with the
- * priority of a real-time server that waits, or answers would be as late as the least of its observers. */
-static void init_mutex(pthread_mutex_t *mutex)
-{
-	pthread_mutexattr_t attributes;
-
-	pthread_mutexattr_init(&attributes);
-	pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_RECURSIVE);
-	pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
-	pthread_mutex_init(mutex, &attributes);
-	pthread_mutexattr_destroy(&attributes);
-}
-
 struct hm2_ethernet *hm2_ethernet_new(const hm2_ethernet_config *config, const hm2_ethernet_card *card)
 {
 	struct hm2_ethernet *ethernet = calloc(1, sizeof *ethernet);
@@ -103,7 +91,7 @@ struct hm2_ethernet *hm2_ethernet_new(const hm2_ethernet_config *config, const h
 		free(ethernet);
 		return NULL;
 	}
-	init_mutex(&ethernet->mutex);
+	inheriting_mutex_init(&ethernet->mutex);
 	ethernet_eeprom_init(ethernet);
 	restart(ethernet);
 	return ethernet;

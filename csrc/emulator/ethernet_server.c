@@ -1,6 +1,7 @@
 /* The emulated card on the network: one thread between a UDP socket and the engine. */
 #include "ethernet_fault.h"
 #include "ethernet.h"
+#include "inheriting_mutex.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
@@ -70,7 +71,7 @@ int hm2_ethernet_server_open(struct hm2_ethernet *ethernet, const char *host, ui
 	self->ethernet = ethernet;
 	self->socket = -1;
 	self->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-	pthread_mutex_init(&self->mutex, NULL);
+	inheriting_mutex_init(&self->mutex);
 	fault_init(&self->lines[HM2_ETHERNET_REQUESTS], 1);
 	fault_init(&self->lines[HM2_ETHERNET_REPLIES], 2);
 	if (self->wake < 0 || bind_socket(self, host, port) < 0)
