@@ -474,6 +474,11 @@ void hm2_emulator_sync(hm2_emulator *card);
 int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm2_remote *remote,
                         int through_pins);
 int hm2_emulator_sserial_channels(const hm2_emulator *card, int instance); /* 0: no such instance */
+/* Memory of a remote that hangs on the card, as hm2_remote_peek and _poke, between two accesses of a driver. */
+int hm2_emulator_peek_remote(hm2_emulator *card, struct hm2_remote *remote, int space, uint32_t address,
+                             uint8_t *bytes, size_t length);
+int hm2_emulator_poke_remote(hm2_emulator *card, struct hm2_remote *remote, int space, uint32_t address,
+                             const uint8_t *bytes, size_t length);
 
 /* A byte seen on one of the serial lines of an SSERIAL instance. */
 typedef struct hm2_line_record {

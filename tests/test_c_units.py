@@ -27,7 +27,7 @@ THREADED = [test for test in TESTS if "/* also under the thread sanitizer */" in
 
 
 def run(command):
-    """Ends the test as skipped if the program says by its status that the machine does not let it show a thing."""
+    """Skips the test if the program says, by its status, that this machine does not let it show a thing."""
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120, check=False)
     if done.returncode == SKIPPED:
         pytest.skip(done.stderr.strip())

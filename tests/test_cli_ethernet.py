@@ -135,6 +135,16 @@ def test_emulate_serves_until_told_and_ends_with_0(emulator, hm2, number):
     assert not control.exists()
 
 
+def test_emulate_serves_on_the_processor_it_is_given(hm2):
+    cpu = max(os.sched_getaffinity(0))
+    with emulate("7i92+7i77", "--cpu", str(cpu)) as (process, url):
+        assert "7I92" in hm2("--board", url, "info")[1]
+        threads = [os.sched_getaffinity(int(thread)) for thread in os.listdir(f"/proc/{process.pid}/task")]
+        assert threads.count({cpu}) >= 1
+    status, _, err = hm2("emulate", "7i92+7i77", "--listen", "127.0.0.1:0", "--cpu", "1023")
+    assert (status, "Invalid argument" in err) == (5, True), err
+
+
 def test_emu_gets_and_sets(emulator, hm2):
     _, _, control = emulator
     at = ("emu", "--control", str(control))

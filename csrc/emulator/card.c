@@ -254,6 +254,20 @@ int hm2_emulator_attach(hm2_emulator *card, int instance, int channel, struct hm
 	return sserial_attach(module, instance, channel, remote, through_pins);
 }
 
+int hm2_emulator_peek_remote(hm2_emulator *card, struct hm2_remote *remote, int space, uint32_t address,
+                             uint8_t *bytes, size_t length)
+{
+	CARD_HOLD(card);
+	return hm2_remote_peek(remote, space, address, bytes, length);
+}
+
+int hm2_emulator_poke_remote(hm2_emulator *card, struct hm2_remote *remote, int space, uint32_t address,
+                             const uint8_t *bytes, size_t length)
+{
+	CARD_HOLD(card);
+	return hm2_remote_poke(remote, space, address, bytes, length);
+}
+
 size_t hm2_emulator_line_records(hm2_emulator *card, int instance, hm2_line_record *records, size_t capacity)
 {
 	CARD_HOLD(card);

@@ -100,6 +100,7 @@ int card_identity_write(struct hm2_emulator *card, uint32_t address, uint32_t va
 
 uint32_t hm2_emulator_leds(const hm2_emulator *card)
 {
+	CARD_HOLD(card);
 	uint32_t lit = 0;
 	for (int n = 0; n < card->options.leds; n++)
 		if (card->led_latch & (UINT32_C(1) << (31 - n)))

@@ -3,10 +3,18 @@
 #include "dpll.h"
 #include "ethernet.h"
 
-/* A packet is one moment: the clock is looked at once, when it begins. */
+/* A packet is one moment: nobody else comes between, and the clock is looked at once, when it begins. */
 static void card_enter(void *self)
 {
+	card_lock(self);
 	card_touch(self);
+}
+
+static void card_leave(void *self)
+{
+	pthread_mutex_t *lock = &((struct hm2_emulator *)self)->lock;
+
+	card_unlock(&lock);
 }
 
 static void card_read(void *self, uint32_t address, uint32_t *words, size_t count)
@@ -98,6 +106,7 @@ void hm2_ethernet_emulator(struct hm2_emulator *card, hm2_ethernet_card *out)
 		.read = card_read,
 		.write = card_write,
 		.enter = card_enter,
+		.leave = card_leave,
 		.reload = card_reload,
 		.wait_edge = card_wait_edge,
 		.pause_us = card_pause_us,

@@ -67,6 +67,7 @@ def _above_ordinary_programs() -> Iterator[None]:
 @click.option("--ip", help="The address in the card's EEPROM.")
 @click.option("--firmware", type=click.Choice(["a", "b"]), help="Register generation.")
 @click.option("--priority", type=click.IntRange(0, 98), default=0, help="SCHED_FIFO priority; 0: none.")
+@click.option("--cpu", type=click.IntRange(0), help="The processor to run on, of those this process may use.")
 @click.option("--spin-us", type=click.IntRange(0, 1_000_000), default=30, help="Wait awake between packets.")
 def emulate(
     spec: str,
@@ -78,6 +79,7 @@ def emulate(
     ip: str | None,
     firmware: str | None,
     priority: int,
+    cpu: int | None,
     spin_us: int,
 ) -> None:
     """Serve an emulated Ethernet card until SIGINT or SIGTERM.
@@ -104,7 +106,14 @@ def emulate(
         # else whatever this process starts later would be deaf to them
         stack.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
         board = EmulatedBoard(words or spec, clock="real", firmware=firmware)
-        server = EthernetServer(board, *listen, description=facts, spin_us=spin_us, fifo_priority=priority)
+        server = EthernetServer(
+            board,
+            *listen,
+            description=facts,
+            spin_us=spin_us,
+            fifo_priority=priority,
+            cpu=-1 if cpu is None else cpu,
+        )
         stack.callback(board.close)
         stack.callback(server.close)
         server.set_fault(fault)

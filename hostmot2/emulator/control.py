@@ -40,7 +40,11 @@ _FAULT_KEYS: Final = {
 
 
 class Controls:
-    """The keys of one served card. Safe from any thread: the card is held during each access."""
+    """The keys of one served card. Safe from any thread.
+
+    Between two packets of its host the card is taken for single calls of the core, never while Python runs:
+    the interpreter's threads wait for each other, and a real card answers to the microsecond.
+    """
 
     def __init__(self, board: EmulatedBoard, server: EthernetServer, fault: Fault | None = None) -> None:
         self._board = board
@@ -55,10 +59,9 @@ class Controls:
             return 0 if value is None else float(value)
         if key in ("requests", "replies"):
             return float(getattr(self._server.counters, key))
-        get = self._getter(key)  # what takes long before packets are held up
-        with self._server.card.hold():
-            self._board.sync()
-            return float(get())
+        get = self._getter(key)
+        self._board.sync()
+        return float(get())
 
     def set(self, key: str, value: float) -> None:
         """Set a key. Raises KeyError, ValueError for one that is only read or a value out of range."""
@@ -66,9 +69,8 @@ class Controls:
             self._set_fault(key, value)
             return
         change = self._setter(key)
-        with self._server.card.hold():
-            self._board.sync()
-            change(value)
+        self._board.sync()
+        change(value)
 
     def _fault_field(self, key: str) -> str:
         name = key.removeprefix("fault.")
@@ -120,8 +122,7 @@ class Controls:
         self._rates[encoder.number] = counts_per_second
 
     def _encoder(self, number: int) -> EmulatedEncoder:
-        with self._server.card.hold():
-            return self._board.encoder_input(number)
+        return self._board.encoder_input(number)
 
     def _element(self, key: str) -> tuple[DescribedRemote, str]:
         """The remote that has an element of this name, on the daughter card meant."""
@@ -143,8 +144,7 @@ class Controls:
         later = [other.sserial_channel for other in daughters if other.sserial_channel > first]
         port = self._board.sserial[0]
         channels = range(first, min([*later, port.channels]))
-        with self._server.card.hold():
-            found = [port.remote(channel) for channel in channels]
+        found = [port.remote(channel) for channel in channels]
         return [remote for remote in found if isinstance(remote, DescribedRemote)]
 
 

@@ -295,9 +295,11 @@ class EthernetServer:
     """An emulated card on a UDP socket: `with EthernetServer(board) as server: udp://{server.url}`.
 
     Listens on loopback unless told otherwise; whoever reaches another address can drive the card, so
-    that is logged as a warning. `port` 0 takes a free one. While it runs, the board, its pins and its
-    remotes are touched only inside `with server.card.hold():`. `fifo_priority` needs the right to real-time
-    scheduling. `board` is an emulated board, an `EthernetCard`, or None for plain registers.
+    that is logged as a warning. `port` 0 takes a free one. While it runs, single calls to the board, to its
+    encoders and to a remote's elements and memory come between two packets; what belongs together, pins and
+    everything else of a remote only inside `with server.card.hold():`, which keeps packets waiting.
+    `fifo_priority` needs the right to real-time scheduling. `board` is an emulated board, an
+    `EthernetCard`, or None for plain registers.
     """
 
     def __init__(

@@ -96,6 +96,7 @@ class EmulatedRemote:
         if handle == ffi.NULL:
             raise MemoryError("emulated remote")
         self._remote, self._kept = own(handle, lib.hm2_remote_free)
+        self._card: Any = None
         self.model = model
         old = model is not None
         self.name = name
@@ -134,6 +135,10 @@ class EmulatedRemote:
     def handle(self) -> Any:
         """The hm2_remote * for the C emulator; alive as long as this object."""
         return self._remote
+
+    def hangs_on(self, card: Any) -> None:
+        """On this hm2_emulator *, which it keeps alive, or None: `peek`, `poke` and its host take turns."""
+        self._card = card
 
     # -- what it is
 
@@ -191,7 +196,11 @@ class EmulatedRemote:
         Raises ValueError where there is no such memory.
         """
         buffer = ffi.new("uint8_t[]", max(size, 1))
-        self._check(lib.hm2_remote_peek(self._remote, space, address, buffer, size))
+        card, remote = self._card, self._remote
+        if card is None:
+            self._check(lib.hm2_remote_peek(remote, space, address, buffer, size))
+        else:
+            self._check(lib.hm2_emulator_peek_remote(card, remote, space, address, buffer, size))
         return bytes(ffi.buffer(buffer, size))
 
     def poke(self, address: int, data: bytes, *, space: int = RAM) -> None:
@@ -199,7 +208,11 @@ class EmulatedRemote:
 
         Raises ValueError where there is no such memory.
         """
-        self._check(lib.hm2_remote_poke(self._remote, space, address, bytes(data), len(data)))
+        card, remote = self._card, self._remote
+        if card is None:
+            self._check(lib.hm2_remote_poke(remote, space, address, bytes(data), len(data)))
+        else:
+            self._check(lib.hm2_emulator_poke_remote(card, remote, space, address, bytes(data), len(data)))
 
     @property
     def writes(self) -> list[RemoteWrite]:

@@ -17,6 +17,9 @@ class Remote(Protocol):
     def handle(self) -> Any:
         """The `hm2_remote *`, alive as long as this object."""
 
+    def hangs_on(self, card: Any) -> None:
+        """Told the `hm2_emulator *` it is attached to, and None when it is taken off."""
+
 
 class LineByte(NamedTuple):
     """One byte on a serial line, as a line monitor sees it."""
@@ -48,12 +51,14 @@ class EmulatedSserialPort:
         the instance does not have.
         """
         self._set(channel, remote.handle, through_pins)
+        self._taken_off(channel)
         self._remotes[channel] = remote
+        remote.hangs_on(self._board.handle)
 
     def detach(self, channel: int) -> None:
         """Take the remote off: the channel is an idle line."""
         self._set(channel, ffi.NULL, False)
-        self._remotes.pop(channel, None)
+        self._taken_off(channel)
 
     def remote(self, channel: int) -> Remote | None:
         """What hangs on a channel, brought up to now."""
@@ -80,6 +85,11 @@ class EmulatedSserialPort:
             )
             for r in records[0:count]
         ]
+
+    def _taken_off(self, channel: int) -> None:
+        remote = self._remotes.pop(channel, None)
+        if remote is not None and remote not in self._remotes.values():
+            remote.hangs_on(None)
 
     def _set(self, channel: int, handle: Any, through_pins: bool) -> None:
         status = lib.hm2_emulator_attach(self._board.handle, self._instance, channel, handle, through_pins)

@@ -1,9 +1,14 @@
 """The keys by which a served card is steered: what can be read and set, and what is refused."""
 
+import socket
+import threading
+
 import pytest
 
+import hostmot2
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.control import Controls, answer
+from hostmot2.emulator.described import DescribedRemote
 from hostmot2.emulator.ethernet import EthernetServer, Fault
 
 
@@ -72,3 +77,58 @@ def test_what_there_is_none_of_is_said(controls, line, said):
     text = answer(controls, line)
     assert text.startswith("error: ")
     assert said in text
+
+
+READ_COOKIE = bytes.fromhex("01420001")
+
+
+def test_the_card_answers_while_somebody_looks_at_it(monkeypatch):
+    """A real card does not wait for its observers: LinuxCNC gives it 0.8 ms."""
+    looking, go_on = threading.Event(), threading.Event()
+
+    def get(_remote, _name):
+        looking.set()
+        assert go_on.wait(10)
+        return 7
+
+    monkeypatch.setattr(DescribedRemote, "get", get)
+    board, said = EmulatedBoard("7i92+7i77", clock="real"), []
+    with EthernetServer(board) as server, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as host:
+        controls = Controls(board, server)
+        observer = threading.Thread(target=lambda: said.append(answer(controls, "get output")))
+        observer.start()
+        assert looking.wait(10)
+        host.settimeout(5)
+        host.sendto(READ_COOKIE, (server.host, server.port))
+        assert host.recv(100) == bytes.fromhex("fecaaa55")
+        go_on.set()
+        observer.join(10)
+    assert said == ["7"]
+
+
+def test_looks_and_packets_from_many_threads_take_turns():
+    """The remotes work, encoders turn, three threads look and steer: every answer is one that can be."""
+    emulated, over, wrong = EmulatedBoard("7i92+7i77", clock="real"), threading.Event(), []
+    with EthernetServer(emulated) as server, hostmot2.open(server.url) as board:
+        controls = Controls(emulated, server)
+        board.watchdog.timeout = 10  # threads of the interpreter wait for each other
+        card = board.card("7i77")
+        card.start()
+
+        def look(number):
+            while not over.is_set():
+                for line in (f"set encoder{number}_rate 20000", f"get encoder{number}_position", "get led0"):
+                    wrong.extend(text for text in [answer(controls, line)] if "error" in text)
+                if answer(controls, "set input 0xA5A5A5A5") != "ok" or answer(controls, "get output") != "0":
+                    wrong.append("process data")
+
+        observers = [threading.Thread(target=look, args=(number,)) for number in range(3)]
+        for observer in observers:
+            observer.start()
+        for _ in range(500):
+            card.exchange()
+        over.set()
+        for observer in observers:
+            observer.join()
+        assert not wrong
+        assert int(card.inputs) == 0xA5A5A5A5
