@@ -26,6 +26,9 @@ from hostmot2.emulator.control import ask
 CARD_IP, HOST_IP, MAC = "10.10.10.10", "10.10.10.1", "00:60:1b:10:12:34"
 HM2 = [sys.executable, "-c", "from hostmot2.cli import main; main()"]
 NOBODY = 65534
+HOST_CPU, CARD_CPU = min(os.sched_getaffinity(0)), max(os.sched_getaffinity(0))
+"""A card does not take turns with the host's processor. Real-time threads that the system moves from one
+processor to another, after each thing above them, are late by the moves."""
 
 
 def run(*command: str, timeout: float = 60, check: bool = True, **options: Any) -> str:
@@ -83,7 +86,8 @@ class ServedCard:
     def __init__(self, network: Network, directory: Path, spec: str = "7i92+7i77", *options: str) -> None:
         self.network = network
         self.control, self._log = directory / "control", directory / "card.err"
-        self._command = [*HM2, "emulate", spec, "--listen", CARD_IP, "--mac", MAC, "--priority", "45"]
+        self._command = [*HM2, "emulate", spec, "--listen", CARD_IP, "--mac", MAC]
+        self._command += ["--priority", "45", "--cpu", str(CARD_CPU)]
         self._command += ["--control", str(self.control), *options]
 
     def __enter__(self) -> ServedCard:
@@ -157,6 +161,7 @@ class Hal:
                 "env",
                 f"HOME={self.home}",
                 f"RTAPI_FIFO_PATH={self.home}/fifo",
+                f"RTAPI_CPU_NUMBER={HOST_CPU}",
                 "PATH=/usr/bin:/bin:/usr/sbin:/sbin",
             ),
             *command,

@@ -17,12 +17,16 @@ from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 
+import numpy as np
+import numpy.typing as npt
 from machine import Hal, HalError, ServedCard, run
 
 SOURCE = Path(__file__).with_name("witness.c")
 PROBLEMS = ("packet-error-total", "sserial.port-0.fault-count", "watchdog.has_bit", "packet-error-exceeded")
-BITTEN = PROBLEMS.index("watchdog.has_bit")
+BITTEN, EXCEEDED = PROBLEMS.index("watchdog.has_bit"), PROBLEMS.index("packet-error-exceeded")
 ENCODERS = 6
+PERIOD = 0.001
+"""Seconds, of LinuxCNC's thread."""
 PORT_STOPS = 200
 """Failed smart serial cycles, weighted, after which LinuxCNC stops a port."""
 WATCHDOG = 0.025
@@ -30,6 +34,14 @@ WATCHDOG = 0.025
 counts are lost."""
 BITE = WATCHDOG - 0.005
 """Seconds: no shorter stall lets it bite."""
+LOST_UNTIL_STOPPED = 5
+"""Replies in a row: packet-error-limit over packet-error-increment, as hm2_eth has them (interop.md)."""
+LEAST = 0.00025
+"""Seconds of stalls about an error that explain it: LinuxCNC waits 0.8 ms for a reply that takes 0.1 to 0.2.
+Short ones add up."""
+RESTARTING = LOST_UNTIL_STOPPED + 1
+"""Cycles: told to go on, LinuxCNC writes everything anew, misses replies meanwhile, and finds that the card's
+watchdog has bitten and cut off the remotes. Whether all of it comes back the plant's rounds tell."""
 BEFORE, AFTER = 0.003, 0.001
 """Seconds: an error is reported up to so long after its stall began to matter, and known to so much."""
 
@@ -52,6 +64,8 @@ class Witness:
     def __init__(self, directory: Path) -> None:
         self._program = directory / "witness"
         self.stalls: list[Stall] = []
+        self.per_second = 0.0
+        """Stalls that each explain an error by themselves."""
 
     def __enter__(self) -> Witness:
         run("cc", "-O2", "-D_GNU_SOURCE", "-o", str(self._program), str(SOURCE))
@@ -62,17 +76,20 @@ class Witness:
         for process in self._processes:
             assert process.stdout
             assert process.stdout.readline() == "ready\n", "the witness needs SCHED_FIFO"
+        self._since = time.monotonic()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        seconds = time.monotonic() - self._since
         for process in self._processes:
             process.send_signal(signal.SIGTERM)
             out, _ = process.communicate(timeout=20)
             rows = [line.split() for line in out.splitlines()]
             self.stalls += [Stall(int(start) / 1e9, int(end) / 1e9) for start, end in rows]
         self.stalls.sort(key=lambda stall: stall.start)
+        self.per_second = sum(stall.seconds >= LEAST for stall in self.stalls) / seconds
 
 
 @dataclass(frozen=True)
@@ -83,6 +100,11 @@ class Cycle:
     """Since the first one."""
     problems: tuple[int, ...]
     counts: tuple[int, ...]
+
+    @property
+    def stopped(self) -> bool:
+        """By LinuxCNC or by the card: until its user has cleared it there is no select for the encoders."""
+        return bool(self.problems[BITTEN] or self.problems[EXCEEDED])
 
 
 class Recorder:
@@ -163,11 +185,27 @@ class Recorder:
         return found
 
     def start_time(self, cycles: list[Cycle]) -> float:
-        """Of cycle 0, on the witness's clock. A look saw n cycles answered: the last was, the next not."""
-        latest = min(after - cycles[n - 1].seconds for _, n, after in self._moments if 0 < n <= len(cycles))
-        earliest = max(before - cycles[n].seconds for before, n, _ in self._moments if n < len(cycles))
+        """Of cycle 0, on the witness's clock. A look saw n cycles answered: the last was, the next not.
+
+        By the looks among cycles that came and were answered in time, before LinuxCNC first stopped: when
+        it is stopped there are cycles that ask for nothing.
+        """
+        asking = next((n for n, cycle in enumerate(cycles) if cycle.stopped), len(cycles))
+        moments = [moment for moment in self._moments if _calm(cycles[:asking], moment[1])]
+        assert moments, "the machine stalls too much to tell what happened when"
+        latest = min(after - cycles[n - 1].seconds for _, n, after in moments)
+        earliest = max(before - cycles[n].seconds for before, n, _ in moments)
         assert latest - earliest > -0.001, "the clocks do not agree"
         return (earliest + latest) / 2
+
+
+def _calm(cycles: list[Cycle], number: int) -> bool:
+    """Whether the cycles about this one took their millisecond each and brought no error."""
+    about = cycles[max(0, number - 3) : number + 3]
+    return len(about) == 6 and all(
+        abs(cycle.seconds - before.seconds - PERIOD) < PERIOD / 5 and not _rises(before, cycle)
+        for before, cycle in pairwise(about)
+    )
 
 
 @dataclass(frozen=True)
@@ -178,54 +216,60 @@ class Verdict:
     explained_cycles: int
     """Cycles with an error that a stall explains."""
     unexplained: tuple[str, ...]
-    stalls: int
+    excusable: float
+    """The part of the cycles in which stalls would explain an error. The larger, the less is shown."""
     longest_ms: float
 
 
 def judge(cycles: list[Cycle], start: float, stalls: list[Stall]) -> Verdict:
     """Each rise of a number by which LinuxCNC says that something went wrong."""
+    at = start + np.array([cycle.seconds for cycle in cycles])
+    lost = _seconds_lost(at, stalls)
+    bites = _seconds_lost(at, [stall for stall in stalls if stall.seconds >= BITE])
     explained, unexplained = 0, []
-    for before, cycle in pairwise(cycles):
+    for number in range(1, len(cycles)):
+        before, cycle = cycles[number - 1 : number + 1]
         wrong = _rises(before, cycle)
-        if not wrong:
+        if not wrong or any(earlier.stopped for earlier in cycles[max(0, number - RESTARTING) : number]):
             continue
-        least = BITE if cycle.problems[BITTEN] > before.problems[BITTEN] else 0.0
-        if any(_explains(stall, start + cycle.seconds) for stall in stalls if stall.seconds >= least):
+        bitten = cycle.problems[BITTEN] > before.problems[BITTEN]
+        if bites[number] >= BITE if bitten else lost[number] >= LEAST:
             explained += 1
         else:
             unexplained.append(f"{', '.join(wrong)} at {cycle.seconds:.3f} s")
     longest = max((stall.seconds for stall in stalls), default=0.0)
-    return Verdict(len(cycles), explained, tuple(unexplained), len(stalls), round(longest * 1e3, 2))
+    excusable = float(np.mean(lost >= LEAST))
+    return Verdict(len(cycles), explained, tuple(unexplained), round(excusable, 3), round(longest * 1e3, 2))
 
 
 def _rises(before: Cycle, cycle: Cycle) -> list[str]:
-    """After a bite the remotes are cut off until the user clears it: what follows is its consequence."""
-    return [
-        f"{name} {old} -> {new}"
-        for name, old, new in zip(PROBLEMS, before.problems, cycle.problems, strict=True)
-        if new > old and not (name.startswith("sserial") and before.problems[BITTEN])
-    ]
+    numbers = zip(PROBLEMS, before.problems, cycle.problems, strict=True)
+    return [f"{name} {old} -> {new}" for name, old, new in numbers if new > old]
 
 
-def _explains(stall: Stall, at: float) -> bool:
-    """Behind a stall LinuxCNC runs the cycles it missed back to back: they may fail for as long again."""
-    return stall.start - AFTER <= at <= stall.end + BEFORE + stall.seconds
+def _seconds_lost(at: npt.NDArray[np.float64], stalls: list[Stall]) -> npt.NDArray[np.float64]:
+    """At each of these times, in stalls that bear upon it.
 
-
-LOST_UNTIL_STOPPED = 5
-"""Replies in a row: packet-error-limit over packet-error-increment, as hm2_eth has them (interop.md)."""
+    Behind a stall LinuxCNC runs the cycles it missed back to back: they may fail for as long again.
+    """
+    change = np.zeros(len(at) + 1)
+    for stall in stalls:
+        first, behind = np.searchsorted(at, (stall.start - AFTER, stall.end + BEFORE + stall.seconds))
+        change[first] += stall.seconds
+        change[behind] -= stall.seconds
+    return np.cumsum(change)[:-1]
 
 
 def counts_wrong(cycles: list[Cycle], rate: float) -> list[int]:
     """Cycles that brought a count of encoder 0 which it did not have between the cycle before and this one.
 
     It turns steadily from its first movement to its last. A cycle without a reply repeats the count before.
-    Nothing is said of what came after LinuxCNC had stopped: see `minute`.
+    Nothing is said of the cycles in which it was stopped.
     """
     moves = [n for n in range(1, len(cycles)) if cycles[n].counts[0] != cycles[n - 1].counts[0]]
     wrong: list[int] = []
     for last, now in pairwise(moves[1:-1]):
-        if now - last > LOST_UNTIL_STOPPED:
+        if now - last > LOST_UNTIL_STOPPED or any(cycle.stopped for cycle in cycles[last - 1 : now + 1]):
             continue
         moved = cycles[now].counts[0] - cycles[last].counts[0]
         least = rate * (cycles[now - 1].seconds - cycles[last].seconds)

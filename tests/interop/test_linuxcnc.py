@@ -152,30 +152,38 @@ def counted(hal: Hal) -> str:
     return "LinuxCNC counts " + ", ".join(f"{name} {value:g}" for name, value in faults(hal).items())
 
 
-FEW = 20
-"""Errors without a witness that a machine full of stalls may leave; a wrong card has hundreds."""
+ATTEMPTS = 2
+MOST_EXCUSABLE = 0.25
+"""Of the cycles: with more of them beside a stall, that every error is beside one shows little."""
+MOST_STALLS = 10.0
+"""Per second, long enough for an error each: with more, values may take too long to get through."""
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(100 + 3 * SECONDS * ATTEMPTS)
 def test_a_minute_at_1_khz_without_a_fault_of_the_card(network, tmp_path):
-    verdict, rounds = minute(network, tmp_path)
-    print(f"{rounds} rounds of values, {verdict}")
-    if 0 < len(verdict.unexplained) <= FEW and verdict.stalls > SECONDS:
-        pytest.skip(f"NOT SHOWN: the machine stalls more than once a second: {verdict}")
-    assert not verdict.unexplained, verdict
-    assert verdict.explained_cycles <= MOST_STALLED * verdict.cycles, (
-        f"the machine stalls too much: {verdict}"
-    )
+    for attempt in range(ATTEMPTS):
+        directory = tmp_path / str(attempt)
+        directory.mkdir()
+        witness = Witness(directory)
+        try:
+            verdict, rounds = minute(network, directory, witness)
+        except AssertionError as error:
+            if witness.per_second <= MOST_STALLS:
+                raise
+            print(f"the machine stalls {witness.per_second:.0f} times a second: {error}")
+            continue
+        print(f"{rounds} rounds of values, {verdict}, {witness.per_second:.1f} stalls a second")
+        if verdict.excusable <= MOST_EXCUSABLE:
+            assert not verdict.unexplained, verdict
+            assert verdict.explained_cycles <= MOST_STALLED * verdict.cycles, verdict
+            return
+    pytest.skip(f"NOT SHOWN in {ATTEMPTS} runs: the machine stalls {witness.per_second:.0f} times a second")
 
 
-def minute(network, directory) -> tuple[Verdict, int]:
+def minute(network, directory, witness) -> tuple[Verdict, int]:
     """One run, every cycle of it recorded."""
-    with (
-        ServedCard(network, directory) as card,
-        Hal(network, directory) as hal,
-        Witness(directory) as witness,
-    ):
+    with ServedCard(network, directory) as card, Hal(network, directory) as hal, witness:
         recorder = Recorder(hal, CARD, card, directory)
         load(hal, watchdog_ms=WATCHDOG * 1e3)
         recorder.load()
@@ -197,9 +205,7 @@ def minute(network, directory) -> tuple[Verdict, int]:
     verdict = judge(cycles, recorder.start_time(cycles), witness.stalls)
     wrong = counts_wrong(cycles, STEADY_RATE)
     assert not wrong, f"replies with a count that the encoder never had, in cycles {wrong[:10]}"
-    if (
-        not recorder.recoveries
-    ):  # after an error that stops things LinuxCNC is silent until it is told to go on
+    if not recorder.recoveries:  # who stops LinuxCNC makes it silent until it is told to go on
         assert (requests, replies) == (2 * len(cycles), len(cycles))  # none lost, none answered twice
     return verdict, plant.rounds
 

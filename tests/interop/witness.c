@@ -13,10 +13,12 @@
 #include <time.h>
 
 #define PERIOD_NS 200000
-#define STALL_NS 250000
+#define STALL_NS 100000
 #define PRIORITY 90
+#define KEPT 500000 /* of STALL_NS each: 50 s of nothing but stalls */
 
 static volatile sig_atomic_t stopping;
+static int64_t stalls[KEPT][2]; /* printed at the end: a pipe that nobody reads yet takes but so many */
 
 static void stop(int number)
 {
@@ -45,6 +47,7 @@ static int become_real_time(int processor)
 
 int main(int count, char **arguments)
 {
+	size_t kept = 0;
 	int64_t due;
 
 	if (count != 2 || !become_real_time(atoi(arguments[1]))) {
@@ -62,8 +65,13 @@ int main(int count, char **arguments)
 		now = now_ns();
 		if (now - due < STALL_NS)
 			continue;
-		printf("%lld %lld\n", (long long)due, (long long)now); /* into the buffer: written at the end */
+		if (kept < KEPT) {
+			stalls[kept][0] = due;
+			stalls[kept++][1] = now;
+		}
 		due = now;
 	}
+	for (size_t i = 0; i < kept; i++)
+		printf("%lld %lld\n", (long long)stalls[i][0], (long long)stalls[i][1]);
 	return 0;
 }
