@@ -25,7 +25,7 @@ STEADY_RATE = 20_000
 SLOW_RATES = (-15, -12, 12, 15)
 """counts/s: the card's 16-bit time stamp turns over from one count to the next, every 65.5 ms."""
 MOST_STALLED = 0.02
-"""Of the cycles. A machine that holds up more shows nothing."""
+"""Of the cycles, with an error that a stall explains. A machine that holds up more shows nothing."""
 LOADING = "-11: no whole reply within 1.6 ms whose scratch words hold the counters written to them"
 VOLTS = 2 * 20 / 8191
 """Two steps: LinuxCNC rounds down, and takes a full scale of 4096 where the manual has 4095."""
@@ -176,8 +176,8 @@ def test_a_minute_at_1_khz_without_a_fault_of_the_card(network, tmp_path):
         print(f"{rounds} rounds of values, {verdict}, {witness.per_second:.1f} stalls a second")
         if verdict.excusable <= MOST_EXCUSABLE:
             assert not verdict.unexplained, verdict
-            assert verdict.explained_cycles <= MOST_STALLED * verdict.cycles, verdict
-            return
+            if verdict.explained_cycles <= MOST_STALLED * verdict.cycles:
+                return
     pytest.skip(f"NOT SHOWN in {ATTEMPTS} runs: the machine stalls {witness.per_second:.0f} times a second")
 
 
