@@ -195,7 +195,7 @@ class Recorder:
         assert moments, "the machine stalls too much to tell what happened when"
         latest = min(after - cycles[n - 1].seconds for _, n, after in moments)
         earliest = max(before - cycles[n].seconds for before, n, _ in moments)
-        assert latest - earliest > -0.001, "the clocks do not agree"
+        assert latest - earliest > -0.001, "the card did not answer once a cycle"
         return (earliest + latest) / 2
 
 
