@@ -81,4 +81,21 @@ def _end(number: int, frame: FrameType | None) -> None:
     try:
         close_all()
     finally:
+        _end_even_if_dropped(number)
         sys.exit(128 + number)
+
+
+def _end_even_if_dropped(number: int) -> None:
+    """The interpreter drops every exception inside a finalizer, SystemExit too: then the signal has its way.
+
+    Else the program would go on, deaf to the signal, with boards that are closed.
+    """
+    before = sys.unraisablehook
+
+    def dropped(unraisable: sys.UnraisableHookArgs) -> None:
+        if unraisable.exc_type is SystemExit:
+            signal.signal(number, signal.SIG_DFL)
+            signal.raise_signal(number)
+        before(unraisable)
+
+    sys.unraisablehook = dropped

@@ -88,6 +88,15 @@ def test_outputs_are_off_after_a_signal_nobody_handles(card: Path, number: int, 
     assert ddr(card) == OFF
 
 
+def test_a_signal_that_comes_in_a_finalizer_ends_the_program_too(card: Path) -> None:
+    """There the interpreter drops the SystemExit that would have ended it."""
+    finalizer = "type('T', (), {'__del__': lambda self: signal.raise_signal(signal.SIGTERM) or None})()"
+    process = start(card, f"{finalizer}; print('goes on', flush=True); time.sleep(30)")
+    out, _ = process.communicate(timeout=20)
+    assert (process.returncode, out) == (-signal.SIGTERM, b"")
+    assert ddr(card) == OFF
+
+
 def test_outputs_are_off_at_once_even_if_a_thread_keeps_the_process_alive(card: Path) -> None:
     thread = "threading.Thread(target=lambda: print(sys.stdin.readline())).start()"
     end = f"{thread}; print('waiting', flush=True); time.sleep(30)"  # the signal must find the thread there
