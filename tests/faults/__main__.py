@@ -17,6 +17,7 @@ TESTS = str(Path(__file__).resolve().parent.parent)
 if TESTS not in sys.path:
     sys.path.insert(0, TESTS)
 
+from faults import command  # noqa: E402
 from faults.enumeration import Group, Tally, groups, pairs, run_all, run_pairs, tabulate  # noqa: E402
 from faults.layers import LAYERS  # noqa: E402
 
@@ -76,14 +77,11 @@ def _pairs(count: int, workers: int) -> list[dict[str, Any]]:
 
 def main() -> int:
     """Runs them and prints what came of it."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command.parser(__doc__)
     parser.add_argument("--most", type=int, help="at most so many steps of each kind; without: all")
     parser.add_argument("--pairs", type=int, default=0, help="runs with two faults")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--only", default="", help="operations and places whose names hold this")
-    parser.add_argument("-o", "--output", type=Path)
     arguments = parser.parse_args()
     start = time.monotonic()
     result = {"command": _command(arguments), **_single(arguments)}

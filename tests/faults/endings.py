@@ -9,10 +9,7 @@ The card is a file that both processes map, so that its registers are seen when 
 
 from __future__ import annotations
 
-import argparse
 import fcntl
-import json
-import math
 import os
 import random
 import select
@@ -25,7 +22,6 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 TESTS = Path(__file__).resolve().parent.parent
 if str(TESTS) not in sys.path:
@@ -34,6 +30,7 @@ if str(TESTS) not in sys.path:
 import hostmot2  # noqa: E402
 import hostmot2.cycle  # noqa: E402
 import hostmot2.engine  # noqa: E402
+from faults import command  # noqa: E402
 
 WAYS = ("SIGTERM", "SIGHUP", "Ctrl-C", "sys.exit()", "fork")
 SIGNALS = {"SIGTERM": signal.SIGTERM, "SIGHUP": signal.SIGHUP, "Ctrl-C": signal.SIGINT}
@@ -208,27 +205,12 @@ def end_all(count: int, seed: int, seconds: float, folder: Path) -> Endings | in
 
 def main() -> int:
     """Runs them and prints what came of it."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--count", type=int, default=2500)
-    parser.add_argument("--seconds", type=float, default=math.inf, help="no more begin after so long")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("-o", "--output", type=Path, help="the figures as JSON")
-    arguments = parser.parse_args()
+    arguments = command.draws(__doc__, 2500, timed=True).parse_args()
     folder = tempfile.mkdtemp(
         prefix="hm2-endings-"
     )  # not a context manager: children leave through here, too
     result = end_all(arguments.count, arguments.seed, arguments.seconds, Path(folder))
-    if isinstance(result, int):
-        return result
-    print(result)
-    for text, number in Counter(result.wrong).most_common(20):
-        print(number, text)
-    figures: dict[str, Any] = {**vars(result), "wrong": len(result.wrong)}
-    if arguments.output:
-        arguments.output.write_text(json.dumps(figures))
-    return 1 if result.wrong else 0
+    return result if isinstance(result, int) else command.tell(result, arguments.output)
 
 
 if __name__ == "__main__":

@@ -7,11 +7,8 @@ card. The parent goes on as if nothing had been.
 
 from __future__ import annotations
 
-import argparse
 import faulthandler
 import gc
-import json
-import math
 import os
 import random
 import signal
@@ -27,6 +24,7 @@ TESTS = str(Path(__file__).resolve().parent.parent)
 if TESTS not in sys.path:
     sys.path.insert(0, TESTS)
 
+from faults import command  # noqa: E402
 from faults.checks import off_when_closed  # noqa: E402
 from faults.interrupts import HANG_S, PHASES, Program, measure  # noqa: E402
 from faults.operations import Wrong  # noqa: E402
@@ -167,28 +165,9 @@ def fork(count: int, seed: int, seconds: float) -> Forks:
 
 def main() -> int:
     """Runs them and prints what came of it."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--count", type=int, default=10_000)
-    parser.add_argument("--seconds", type=float, default=math.inf, help="no more begin after so long")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("-o", "--output", type=Path, help="the figures as JSON")
-    arguments = parser.parse_args()
+    arguments = command.draws(__doc__, 10_000, timed=True).parse_args()
     result = fork(arguments.count, arguments.seed, arguments.seconds)
-    print(result)
-    for text, number in Counter(result.wrong).most_common(20):
-        print(number, text)
-    if arguments.output:
-        places = dict(result.places.most_common())
-        figures: dict[str, Any] = {
-            **vars(result),
-            "count": arguments.count,
-            "places": places,
-            "wrong": len(result.wrong),
-        }
-        arguments.output.write_text(json.dumps(figures))
-    return 1 if result.wrong else 0
+    return command.tell(result, arguments.output, count=arguments.count)
 
 
 if __name__ == "__main__":

@@ -6,9 +6,7 @@ an engine, closing. Afterwards the board can be closed, nothing is driven, nobod
 
 from __future__ import annotations
 
-import argparse
 import faulthandler
-import json
 import random
 import signal
 import sys
@@ -18,12 +16,12 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 TESTS = str(Path(__file__).resolve().parent.parent)
 if TESTS not in sys.path:
     sys.path.insert(0, TESTS)
 
+from faults import command  # noqa: E402
 from faults.checks import off_when_closed  # noqa: E402
 from faults.operations import Wrong  # noqa: E402
 from faults.world import World  # noqa: E402
@@ -160,22 +158,8 @@ def interrupt(count: int, seed: int) -> Interrupts:
 
 def main() -> int:
     """Runs them and prints what came of it."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--count", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("-o", "--output", type=Path, help="the figures as JSON")
-    arguments = parser.parse_args()
-    result = interrupt(arguments.count, arguments.seed)
-    print(result)
-    for text, number in Counter(result.wrong).most_common(20):
-        print(number, text)
-    if arguments.output:
-        places = dict(result.places.most_common())
-        figures: dict[str, Any] = {**vars(result), "places": places, "wrong": len(result.wrong)}
-        arguments.output.write_text(json.dumps(figures))
-    return 1 if result.wrong else 0
+    arguments = command.draws(__doc__, 10_000).parse_args()
+    return command.tell(interrupt(arguments.count, arguments.seed), arguments.output)
 
 
 if __name__ == "__main__":

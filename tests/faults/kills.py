@@ -7,7 +7,6 @@ time after that, every time, and what was recorded can be read.
 
 from __future__ import annotations
 
-import argparse
 import json
 import multiprocessing
 import random
@@ -23,6 +22,7 @@ if TESTS not in sys.path:
     sys.path.insert(0, TESTS)
 
 import hostmot2  # noqa: E402
+from faults import command  # noqa: E402
 from hostmot2 import recording  # noqa: E402
 from hostmot2.emulator import EmulatedBoard  # noqa: E402
 from hostmot2.emulator.ethernet import EthernetServer  # noqa: E402
@@ -158,13 +158,7 @@ def kill(count: int, seed: int) -> Kills:
 
 def main() -> int:
     """Runs them and prints what came of it."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("-o", "--output", type=Path, help="the figures as JSON")
-    arguments = parser.parse_args()
+    arguments = command.draws(__doc__, 200).parse_args()
     kills = kill(arguments.count, arguments.seed)
     print(kills, flush=True)
     if arguments.output:

@@ -6,7 +6,6 @@ what it was, and every datagram is accounted for.
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import time
@@ -19,7 +18,7 @@ if TESTS not in sys.path:
     sys.path.insert(0, TESTS)
 
 import hostmot2  # noqa: E402
-from faults import checks  # noqa: E402
+from faults import checks, command  # noqa: E402
 from hostmot2.emulator import EmulatedBoard  # noqa: E402
 from hostmot2.emulator.ethernet import EthernetServer  # noqa: E402
 
@@ -131,14 +130,11 @@ def _resident_kib() -> int:
 
 def main() -> int:
     """Runs it and prints what was counted."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = command.parser(__doc__)
     parser.add_argument("--seconds", type=float, default=600.0)
     parser.add_argument("--rate", type=float, default=4000.0)
     parser.add_argument("--loss", default="0.1%")
     parser.add_argument("--real-time", action="store_true", help="the engine at SCHED_FIFO")
-    parser.add_argument("-o", "--output", type=Path, help="the figures as JSON")
     arguments = parser.parse_args()
     result = soak(arguments.seconds, arguments.rate, arguments.loss, real_time=arguments.real_time)
     print(result)
