@@ -22,7 +22,7 @@ TRANSPORTS: dict[str, str] = {
     "dump": "hostmot2.transports.dump",
     "udp": "hostmot2.transports.udp",
 }
-"""URL scheme -> module with a function open_transport(url)."""
+"""URL scheme -> module with a function open_transport(url), and open_unlocked(url) if that locks the card."""
 
 ENTRY_POINTS = "hostmot2.transports"
 
@@ -39,25 +39,22 @@ def open_transport(url: str, *, read_only: bool = False) -> Transport:
     and what the transport itself raises.
     """
     scheme = urlsplit(url).scheme
-    opener = _opener(scheme)
+    opener = _opener(scheme, read_only=read_only)
     if opener is None:
         raise ValueError(
             f"{url!r}: the scheme must be one of {', '.join(f'{name}://' for name in schemes())}"
         )
-    if read_only and scheme == "pci":
-        from hostmot2.transports.pci import open_unlocked  # the lock is for those who drive
-
-        return open_unlocked(url)
     return opener(url)
 
 
-def _opener(scheme: str) -> Callable[[str], Transport] | None:
+def _opener(scheme: str, *, read_only: bool) -> Callable[[str], Transport] | None:
     if scheme in TRANSPORTS:
         try:
             module = importlib.import_module(TRANSPORTS[scheme])
         except ModuleNotFoundError as error:
             raise CardNotFound(f"the {scheme}:// transport cannot be used here: {error}") from error
-        return cast("Callable[[str], Transport]", module.open_transport)
+        driving: Callable[[str], Transport] = module.open_transport
+        return getattr(module, "open_unlocked", driving) if read_only else driving
     for point in entry_points(group=ENTRY_POINTS, name=scheme):
         return cast("Callable[[str], Transport]", point.load())
     return None
