@@ -15,6 +15,8 @@ import hostmot2
 from hostmot2 import errors
 from hostmot2._core import lib
 from hostmot2.cli.catalogue import all_errors, find
+from hostmot2.lbp.errors import UpdateFailed
+from hostmot2.sserial.errors import BrokenTable, NotStarted, SetupJumper
 
 ROOT = Path(__file__).parent.parent
 CODES = Path(__file__).parent / "error_codes.txt"
@@ -111,6 +113,27 @@ def test_a_report_has_its_parts_in_order() -> None:
     assert error.report().count(error.fix[:20]) == 1
     assert parts[2].split(maxsplit=1)[1].startswith("1. ")
     assert parts[4].endswith("hm2 explain E011")
+
+
+@pytest.mark.parametrize(
+    ("error", "named"),
+    [
+        (NotStarted("text", index=2), "channel 2"),
+        (SetupJumper("text", index=0), "channel 0"),
+        (BrokenTable("text", index=3), "entry 3"),
+        (errors.DataLost("text", index=1), "instance 1"),
+        (errors.PinInUse("text", index=17), "pin 17"),
+        (errors.UnsupportedModule("text", index=5), "descriptor 5"),
+        (errors.PinOutOfRange("text", index=40), "pin 40"),
+        (errors.BrokenDump("text", index=12), "line 12"),
+        (errors.NotInDump("text", index=4), "transfer 4"),
+        (UpdateFailed("text", index=7), "block 7"),
+        (errors.HostMot2Error("text", index=9), "index 9"),
+    ],
+    ids=lambda value: type(value).__name__ if isinstance(value, Exception) else "",
+)
+def test_a_report_says_what_the_index_counts(error: errors.HostMot2Error, named: str) -> None:
+    assert f"  Evidence: {named}\n" in error.report()
 
 
 def test_an_error_may_know_its_causes_better_than_its_class() -> None:

@@ -21,6 +21,8 @@ class HostMot2Error(Exception):
     """
 
     code: ClassVar[str] = "HM2-E000"
+    index_of: ClassVar[str] = "index"
+    """What `index` counts: a channel, an instance, a pin."""
     causes: Sequence[str] = ("a case that no more precise error of this package stands for",)
     fix: str = "Read the message; `hm2 -v` shows what led to it."
 
@@ -65,7 +67,7 @@ class HostMot2Error(Exception):
         if self.address:
             words.append(f"at 0x{self.address:04X}")
         if self.index is not None:
-            words.append(f"number {self.index}")
+            words.append(f"{self.index_of} {self.index}")
         compared = self.expected or self.received
         if self.expected is not None and compared:
             words.append(f"expected {_number(self.expected)}")
@@ -150,6 +152,7 @@ class SserialError(HostMot2Error):
     """A smart-serial port, channel or remote failed."""
 
     code = "HM2-E020"
+    index_of = "channel"
     causes: Sequence[str] = (
         "the cycle is shorter than the exchange with the slowest remote takes",
         "the port was left in a state this call does not fit",

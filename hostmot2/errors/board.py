@@ -45,6 +45,7 @@ class PinInUse(BoardError):
     """A pin belongs to somebody else."""
 
     code = "HM2-E043"
+    index_of = "pin"
     causes = ("a module of the firmware has the pin", "another part of the program has taken it before")
     fix = "`hm2 pins` tells who has which pin; take another, or give it back first."
 
@@ -73,6 +74,7 @@ class FaultPresent(BoardError):
     """
 
     code = "HM2-E044"
+    index_of = "instance"
     causes = ("the drive reports a fault", "the fault input's polarity is the other one", "its wire is open")
     fix = "Remove the cause of the fault, check the fault input's polarity, then enable again."
 
@@ -96,6 +98,7 @@ class DataLost(BoardError):
     """
 
     code = "HM2-E046"
+    index_of = "instance"
     causes = (
         "the program reads too seldom for what the other side sends",
         "noise on an open line is taken for data",

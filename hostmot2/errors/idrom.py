@@ -17,6 +17,7 @@ class IdromError(BoardError):
     """
 
     code = "HM2-E052"
+    index_of = "descriptor"
     text: ClassVar[str] = "the IDROM is broken at 0x{address:04X}"
     causes: Sequence[str] = (
         "the firmware in the card is not HostMot2, or is damaged",
@@ -176,6 +177,7 @@ class PinOutOfRange(IdromError):
     """A pin's bit within its port is beyond the 32 bits of a register."""
 
     code = "HM2-E066"
+    index_of = "pin"
     text = "pin {index} would be bit {received} of its port, the highest is {expected}"
     causes = ("a hand-made bitfile with ports wider than a register",)
     fix = _LOAD
@@ -269,6 +271,7 @@ class IoportMissing(IdromError):
     """There is no IOPort module descriptor, so no pin can be switched."""
 
     code = "HM2-E073"
+    index_of = "descriptors"
     text = (
         "none of the {index} module descriptors from 0x{address:04X} on is an IOPort (gtag 0x{expected:02X})"
     )

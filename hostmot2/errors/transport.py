@@ -11,6 +11,7 @@ class TransportError(HostMot2Error):
     """The card could not be reached."""
 
     code = "HM2-E010"
+    index_of = "transfer"
     causes: Sequence[str] = (
         "the network is down: cable, switch, or no address of this host in the card's network",
         "the card lost its power or was pulled",
@@ -101,6 +102,7 @@ class BrokenDump(TransportError):
     """
 
     code = "HM2-E081"
+    index_of = "line"
     causes = (
         "the file is no register dump",
         "a mail program or an editor changed it: wrapped lines, tabs, other characters",

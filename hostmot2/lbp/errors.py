@@ -132,6 +132,7 @@ class UpdateFailed(LbpError):
     """
 
     code = "HM2-E108"
+    index_of = "block"
     causes = (
         "the remote lost its power or its cable",
         "too much noise on the line",

@@ -16,6 +16,7 @@ class BrokenTable(SserialError):
     """
 
     code = "HM2-E023"
+    index_of = "entry"
     causes = (
         "the remote's firmware is faulty, or an own build of a remote",
         "the table was read while its memory was changing",
