@@ -17,8 +17,9 @@ from bitfile_samples import payload, xilinx
 
 from hostmot2.cli import main
 from hostmot2.emulator import EmulatedBoard
+from hostmot2.emulator.cards import CARD_NAMES, card
 from hostmot2.emulator.control import ask
-from hostmot2.emulator.ethernet import EthernetCard, EthernetDescription, EthernetServer
+from hostmot2.emulator.ethernet import DESCRIPTIONS, EthernetCard, EthernetDescription, EthernetServer
 
 
 @pytest.fixture
@@ -183,8 +184,21 @@ def test_the_control_socket_of_a_killed_emulator_is_taken_over_and_no_other(emul
     assert notes.read_text() == "mine"
 
 
-def test_only_ethernet_cards_are_served(hm2):
-    assert hm2("emulate", "5i25+7i77")[0] == 2
+@pytest.mark.parametrize("spec", ["5i25+7i77", "7i96s", "7i80db", "no-card"])
+def test_only_ethernet_cards_that_are_emulated_are_served_and_the_refusal_lists_them(hm2, spec):
+    status, _, err = hm2("emulate", spec)
+    assert status == 2
+    listed = err.partition("; there are ")[2].split(", ")
+    assert f"no emulated Ethernet card {spec!r}" in err
+    assert {name.strip() for name in listed} == {name for name in CARD_NAMES if card(name).bus == "ethernet"}
+
+
+def test_every_ethernet_card_that_is_emulated_says_what_it_is():
+    served = {name for name in CARD_NAMES if card(name).bus == "ethernet"}
+    assert {name.split("+")[0] for name in served} == set(DESCRIPTIONS)
+
+
+def test_what_emulate_cannot_take_is_refused(hm2):
     assert hm2("emulate", "7i92", "--fault", "loss=200%")[0] == 2
     assert hm2("emulate", "7i92", "--listen", "127.0.0.1:x")[0] == 2
 

@@ -188,7 +188,7 @@ def test_card_name_in_eeprom_and_information_space_agree(spec):
 
 
 def test_pci_cards_have_no_ethernet_description():
-    with pytest.raises(ValueError, match="5i25 is not an Ethernet card"):
+    with pytest.raises(ValueError, match="no emulated Ethernet card '5i25"):
         description("5i25+7i77")
 
 

@@ -16,6 +16,7 @@ from typing import Any, Final, Protocol, Self
 
 from hostmot2 import flash_layout
 from hostmot2._core import ffi, lib
+from hostmot2.emulator.cards import CARD_NAMES
 from hostmot2.errors import TransportClosed, check, new_error
 from hostmot2.handles import own
 
@@ -60,26 +61,23 @@ class EthernetDescription:
 
 DESCRIPTIONS: Final[dict[str, EthernetDescription]] = {
     "7i92": EthernetDescription("7I92"),
-    "7i92t": EthernetDescription("7I92T", efinix=True),
     "7i76e": EthernetDescription("7I76E-16"),
     "7i96": EthernetDescription("7I96"),
-    "7i96s": EthernetDescription("7I96S", efinix=True),
     "7i80hd": EthernetDescription("7I80HD-16"),
-    "7i80db": EthernetDescription("7I80DB-16"),
-    "7i93": EthernetDescription("7I93"),
-    "7i95": EthernetDescription("7I95"),
-    "7i97": EthernetDescription("7I97"),
-    "7i98": EthernetDescription("7I98"),
 }
-"""By the first part of a card spec."""
+"""By the first part of a card spec; of those cards only that have an emulated firmware."""
+
+
+def _first(spec: str) -> str:
+    return spec.lower().split("+")[0]
 
 
 def description(spec: str) -> EthernetDescription:
-    """The description for a card spec such as `7i92+7i77`; ValueError when it is no Ethernet card."""
-    card = spec.lower().split("+")[0]
-    if card not in DESCRIPTIONS:
-        raise ValueError(f"{card} is not an Ethernet card; there are {', '.join(sorted(DESCRIPTIONS))}")
-    return DESCRIPTIONS[card]
+    """The description for a card spec such as `7i92+7i77`; ValueError when there is no such Ethernet card."""
+    if _first(spec) not in DESCRIPTIONS:
+        served = ", ".join(name for name in CARD_NAMES if _first(name) in DESCRIPTIONS)
+        raise ValueError(f"no emulated Ethernet card {spec!r}; there are {served}")
+    return DESCRIPTIONS[_first(spec)]
 
 
 def _mac_bytes(mac: str) -> bytes:
