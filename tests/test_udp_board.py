@@ -100,6 +100,34 @@ def test_counts_are_never_lost(served):
     assert encoder.count - start == moved
 
 
+def test_losses_are_survived_within_the_deadlines_that_a_link_has_by_itself():
+    """Nothing about time is given: a lost exchange is repeated inside the time-out of a cycle."""
+    with (
+        EmulatedBoard("7i92+7i77", clock="real") as card,
+        EthernetServer(card) as server,
+        hostmot2.open(server.url) as board,
+    ):
+        board.cycle.automatic_watchdog = False  # a repeat comes behind its time-out
+        encoder = board.encoders[0]
+        board.cycle.run()
+        start = encoder.count
+        with server.card.hold():
+            wheel = card.encoder_input(0)
+            before = wheel.position
+            wheel.set_rate(20_000)
+        server.set_fault("loss=10%,seed=4")
+        for _ in range(100):
+            board.cycle.run()
+        lost = server.counters.lost
+        server.set_fault("")
+        with server.card.hold():
+            wheel.set_rate(0)
+            moved = wheel.position - before
+        board.cycle.run()
+        assert lost, "nothing had to be repeated"
+        assert encoder.count - start == moved > 0
+
+
 def configuration(board, card, server):
     """Registers that are written once: an encoder filter, a divider, directions of pins."""
     encoders = board.module(Gtag.MUXED_ENCODER)
