@@ -204,6 +204,12 @@ class Hal:
         self._inside_run("rtapi_app", "exit")
         until(lambda: not self._of_this_session("rtapi_app"), 10)
 
+    def kill(self) -> None:
+        """End LinuxCNC's real-time process as a crash would: none of its code runs any more."""
+        for pid in self._of_this_session("rtapi_app"):
+            os.kill(pid, signal.SIGKILL)
+        assert until(lambda: not self._of_this_session("rtapi_app"), 10), "it is still there"
+
     def last_words(self) -> str:
         """End LinuxCNC, so that what its drivers have printed is there; the lines about the card."""
         self._end()

@@ -13,8 +13,10 @@ import sys
 import time
 
 import pytest
-from machine import CARD_IP, MAC, Hal, HalError, ServedCard, run, until
+from machine import CARD_IP, MAC, Hal, HalError, Network, ServedCard, run, until
 from recorder import WATCHDOG, Recorder, Verdict, Witness, counts_wrong, judge
+
+from hostmot2.registers import Watchdog
 
 CARD = "hm2_7i92.0"
 IO, ANALOG = f"{CARD}.7i77.0.0", f"{CARD}.7i77.0.1"
@@ -281,18 +283,52 @@ def test_linuxcnc_reports_the_card_as_we_do(card: ServedCard, network, tmp_path)
     assert {remote: sorted({*names, "nvbaudrate"}) for remote, names in theirs.items()} == ours["remotes"]
 
 
-@pytest.mark.timeout(200)
-def test_on_exit_linuxcnc_lets_the_watchdog_bite_and_outputs_are_off(card: ServedCard, network, tmp_path):
-    with Hal(network, tmp_path) as hal:
-        start(hal)
-        hal.set_pins({f"{IO}.output-03": 1, f"{ANALOG}.analogena": 1, f"{ANALOG}.analogout0": 5})
-        assert until(lambda: card.get("output") == 8), (
-            f"field outputs: {card.get('output')}, not 8; {counted(hal)}"
-        )
-        assert until(lambda: abs(card.get("analogout0") - 5) < VOLTS)
+def drive_outputs(card: ServedCard, hal: Hal) -> None:
+    """Field output 3 on and 5 V, seen on the card."""
+    hal.set_pins({f"{IO}.output-03": 1, f"{ANALOG}.analogena": 1, f"{ANALOG}.analogout0": 5})
+    assert until(lambda: card.get("output") == 8), (
+        f"field outputs: {card.get('output')}, not 8; {counted(hal)}"
+    )
+    assert until(lambda: abs(card.get("analogout0") - 5) < VOLTS)
+
+
+def outputs_go_off(card: ServedCard) -> None:
     assert until(lambda: card.get("output") == 0 and card.get("analogena") == 0), (
         f"outputs stay on: {card.get('output')}, analogena {card.get('analogena')}; has the watchdog bitten?"
     )
+
+
+HAS_BITTEN = f"""
+import sys, hostmot2
+with hostmot2.open(sys.argv[1], read_only=True) as board:
+    status = board.module(hostmot2.registers.Gtag.WATCHDOG).register_address({Watchdog.status.number})
+    print(board.read(status) & {Watchdog.status.has_bitten.mask})
+"""
+
+
+def has_bitten(network: Network) -> bool:
+    """The card's watchdog, as the card says beside whoever drives it."""
+    said = run(*network.in_card(sys.executable, "-c", HAS_BITTEN, f"udp://{CARD_IP}"))
+    return bool(int(said))
+
+
+@pytest.mark.timeout(200)
+def test_on_exit_linuxcnc_leaves_outputs_off(card: ServedCard, network, tmp_path):
+    with Hal(network, tmp_path) as hal:
+        start(hal)
+        drive_outputs(card, hal)
+    outputs_go_off(card)
+
+
+@pytest.mark.timeout(200)
+def test_when_linuxcnc_is_killed_without_an_exit_the_watchdog_bites(card: ServedCard, hal: Hal, network):
+    """Nobody is left to turn anything off but watchdogs: the remotes have theirs, the card tells of its."""
+    start(hal, watchdog_ms=100)
+    drive_outputs(card, hal)
+    assert not has_bitten(network)
+    hal.kill()
+    outputs_go_off(card)
+    assert has_bitten(network)
 
 
 @pytest.mark.timeout(200)
