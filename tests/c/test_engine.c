@@ -6,6 +6,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "engine_words.h"
 #include "hm2.h"
 
 #define PERIOD_NS 200000
@@ -74,8 +75,7 @@ struct rig {
 	struct hm2_cycle *cycle;
 	struct hm2_engine *engine;
 	struct hm2_record_ring *ring;
-	uint32_t in, out;
-	hm2_cyclic_words words[2];
+	struct engine_words words;
 	_Atomic int over;
 };
 
@@ -83,20 +83,10 @@ static void build(struct rig *rig, const hm2_engine_config *config)
 {
 	memset(rig, 0, sizeof *rig);
 	const hm2_bus bus = {&rig->card, begin, finish, clock_ns, pause_ns, close_bus};
-	const hm2_signal input = {&rig->in, HM2_SIGNAL_U32, -1, 0};
-	const hm2_signal output = {&rig->out, HM2_SIGNAL_U32, -1, 0};
 	CHECK(hm2_board_open(&bus, &rig->board, NULL) == HM2_OK);
-	CHECK(hm2_cycle_new(rig->board, &rig->cycle, NULL) == HM2_OK);
-	rig->words[0] = (hm2_cyclic_words){{0x1000, 1, HM2_TRANSFER_READ, &rig->in}, 1};
-	rig->words[1] = (hm2_cyclic_words){{0x1004, 1, HM2_TRANSFER_WRITE, &rig->out}, 1};
-	for (int i = 0; i < 2; i++) {
-		hm2_cyclic part;
-		hm2_cyclic_words_part(&rig->words[i], &part);
-		CHECK(hm2_cycle_add(rig->cycle, &part, NULL) == HM2_OK);
-	}
-	CHECK(hm2_engine_new(rig->board, rig->cycle, config, &input, 1, &output, 1, &rig->engine, NULL) == HM2_OK);
-	CHECK(hm2_record_ring_new(1024, hm2_engine_record_size(rig->engine, 8), &rig->ring, NULL) == HM2_OK);
-	hm2_engine_set_record_ring(rig->engine, rig->ring, 8);
+	engine_words_cycle(&rig->words, rig->board, &rig->cycle);
+	engine_words_engine(&rig->words, rig->board, rig->cycle, config, &rig->engine);
+	rig->ring = engine_words_ring(rig->engine, 1024);
 }
 
 static void tear_down(struct rig *rig)

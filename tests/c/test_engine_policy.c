@@ -4,17 +4,17 @@
 #include <string.h>
 
 #include "check.h"
+#include "engine_words.h"
 #include "hm2.h"
 #include "mailbox.h"
 
-enum { PERIOD_NS = 1000000, IN = 0x1000, OUT = 0x1004 };
+enum { PERIOD_NS = 1000000 };
 
 struct rig {
 	struct mailbox mailbox;
 	struct hm2_cycle *cycle;
 	struct hm2_engine *engine;
-	uint32_t in, out;
-	hm2_cyclic_words words[2];
+	struct engine_words words;
 };
 
 static struct rig rig;
@@ -30,20 +30,13 @@ static hm2_engine_config calm(void)
 
 static void build(const hm2_engine_config *config)
 {
-	const hm2_signal input = {&rig.in, HM2_SIGNAL_U32, -1, 0}, output = {&rig.out, HM2_SIGNAL_U32, -1, 0};
 	hm2_cyclic part;
 	memset(&rig, 0, sizeof rig);
 	mailbox_open(&rig.mailbox);
-	CHECK_EQUAL(hm2_cycle_new(rig.mailbox.board, &rig.cycle, NULL), HM2_OK);
-	rig.words[0] = (hm2_cyclic_words){{IN, 1, HM2_TRANSFER_READ, &rig.in}, 1};
-	rig.words[1] = (hm2_cyclic_words){{OUT, 1, HM2_TRANSFER_WRITE, &rig.out}, 1};
-	for (int i = 0; i < 2; i++) {
-		hm2_cyclic_words_part(&rig.words[i], &part);
-		CHECK_EQUAL(hm2_cycle_add(rig.cycle, &part, NULL), HM2_OK);
-	}
+	engine_words_cycle(&rig.words, rig.mailbox.board, &rig.cycle);
 	hm2_sserial_part(rig.mailbox.port, &part);
 	CHECK_EQUAL(hm2_cycle_add(rig.cycle, &part, NULL), HM2_OK);
-	CHECK_EQUAL(hm2_engine_new(rig.mailbox.board, rig.cycle, config, &input, 1, &output, 1, &rig.engine, NULL), HM2_OK);
+	engine_words_engine(&rig.words, rig.mailbox.board, rig.cycle, config, &rig.engine);
 }
 
 static void tear_down(void)
@@ -56,11 +49,7 @@ static void tear_down(void)
 
 static hm2_engine_status step(int cycles)
 {
-	hm2_engine_status status;
-	for (int i = 0; i < cycles; i++)
-		CHECK_EQUAL(hm2_engine_step(rig.engine, NULL), HM2_OK);
-	hm2_engine_read(rig.engine, &status, NULL, NULL);
-	return status;
+	return engine_steps(rig.engine, cycles);
 }
 
 static void start(void)

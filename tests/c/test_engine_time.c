@@ -6,6 +6,7 @@
 #include <time.h>
 
 #include "check.h"
+#include "engine_words.h"
 #include "hm2.h"
 
 #define PERIOD_NS 1000000
@@ -75,8 +76,7 @@ struct rig {
 	struct hm2_cycle *cycle;
 	struct hm2_engine *engine;
 	struct hm2_record_ring *ring;
-	uint32_t in, out;
-	hm2_cyclic_words words[2];
+	struct engine_words words;
 	int calls, enabled;
 	double seconds, input;
 };
@@ -108,21 +108,11 @@ static void build(struct rig *rig, const hm2_engine_config *config)
 	memset(rig, 0, sizeof *rig);
 	rig->card.now_ns = 1000000000;
 	const hm2_bus bus = {&rig->card, begin, finish, clock_ns, pause_ns, close_bus};
-	const hm2_signal input = {&rig->in, HM2_SIGNAL_U32, -1, 0};
-	const hm2_signal output = {&rig->out, HM2_SIGNAL_U32, -1, 0};
 	CHECK(hm2_board_open(&bus, &rig->board, NULL) == HM2_OK);
-	CHECK(hm2_cycle_new(rig->board, &rig->cycle, NULL) == HM2_OK);
-	rig->words[0] = (hm2_cyclic_words){{0x1000, 1, HM2_TRANSFER_READ, &rig->in}, 1};
-	rig->words[1] = (hm2_cyclic_words){{0x1004, 1, HM2_TRANSFER_WRITE, &rig->out}, 1};
-	for (int i = 0; i < 2; i++) {
-		hm2_cyclic part;
-		hm2_cyclic_words_part(&rig->words[i], &part);
-		CHECK(hm2_cycle_add(rig->cycle, &part, NULL) == HM2_OK);
-	}
-	CHECK(hm2_engine_new(rig->board, rig->cycle, config, &input, 1, &output, 1, &rig->engine, NULL) == HM2_OK);
+	engine_words_cycle(&rig->words, rig->board, &rig->cycle);
+	engine_words_engine(&rig->words, rig->board, rig->cycle, config, &rig->engine);
 	CHECK(hm2_engine_add_control(rig->engine, look, rig, NULL) == HM2_OK);
-	CHECK(hm2_record_ring_new(64, hm2_engine_record_size(rig->engine, 8), &rig->ring, NULL) == HM2_OK);
-	hm2_engine_set_record_ring(rig->engine, rig->ring, 8);
+	rig->ring = engine_words_ring(rig->engine, 64);
 }
 
 static void tear_down(struct rig *rig)
@@ -143,11 +133,7 @@ static void start(struct rig *rig, const hm2_engine_config *config)
 
 static hm2_engine_status step(struct rig *rig, int cycles)
 {
-	hm2_engine_status status;
-	for (int i = 0; i < cycles; i++)
-		CHECK(hm2_engine_step(rig->engine, NULL) == HM2_OK);
-	hm2_engine_read(rig->engine, &status, NULL, NULL);
-	return status;
+	return engine_steps(rig->engine, cycles);
 }
 
 static hm2_engine_status write_and_step(struct rig *rig, double value, int cycles)
@@ -310,7 +296,7 @@ static void test_without_readings_controllers_rest_and_outputs_stay(void)
 	hm2_engine_write(rig.engine, &value);
 	hm2_engine_status status = step(&rig, 3);
 	CHECK_EQUAL(rig.calls, calls);
-	CHECK_EQUAL(rig.out, 7);
+	CHECK_EQUAL(rig.words.out, 7);
 	CHECK_EQUAL(status.stale, 3);
 	CHECK_EQUAL(status.failures, 3);
 	CHECK_EQUAL(status.status, HM2_ERR_TIMEOUT);
@@ -397,7 +383,7 @@ static void test_enabling_while_nothing_comes_turns_nothing_on(void)
 	hm2_engine_enable(rig.engine);
 	CHECK_EQUAL(write_and_step(&rig, 7, 1).off, HM2_OFF_STALE);
 	CHECK_EQUAL(step(&rig, 2).off, HM2_OFF_STALE);
-	CHECK_EQUAL(rig.out, 0);
+	CHECK_EQUAL(rig.words.out, 0);
 	rig.card.fail = 0;
 	CHECK_EQUAL(step(&rig, 3).off, HM2_OFF_STALE);
 	tear_down(&rig);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "check.h"
+#include "engine_words.h"
 #include "hm2.h"
 #include "mailbox.h"
 
@@ -42,11 +43,7 @@ static void close_engine(void)
 
 static hm2_engine_status step(int cycles)
 {
-	hm2_engine_status status;
-	for (int i = 0; i < cycles; i++)
-		CHECK_EQUAL(hm2_engine_step(engine, NULL), HM2_OK);
-	hm2_engine_read(engine, &status, NULL, NULL);
-	return status;
+	return engine_steps(engine, cycles);
 }
 
 static void test_a_place_holds_what_its_type_can_hold(void)

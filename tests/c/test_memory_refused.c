@@ -7,6 +7,7 @@
 
 #include "check.h"
 #include "hm2.h"
+#include "opened.h"
 #include "refused_memory.h"
 
 /* Makes one thing, frees it and everything around it, and returns what making it said. */
@@ -76,11 +77,8 @@ static int make_memory_map(hm2_error *error)
 {
 	char path[] = "/tmp/hm2-refused-XXXXXX";
 	const int file = mkstemp(path);
-	hm2_bus bus;
 	CHECK(file >= 0 && ftruncate(file, HM2_ADDRESS_SPACE) == 0);
-	const int status = hm2_memory_map_bus(path, &bus, error);
-	if (status == HM2_OK)
-		bus.close(bus.self);
+	const int status = open_map(path, error);
 	close(file);
 	unlink(path);
 	return status;
@@ -105,24 +103,6 @@ static int make_sserial(hm2_error *error)
 	struct hm2_sserial *port = NULL;
 	const int status = hm2_sserial_open(NULL, &config, &port, error);
 	hm2_sserial_free(port);
-	return status;
-}
-
-static int make_udp(hm2_error *error)
-{
-	struct hm2_udp *udp = NULL;
-	hm2_bus bus;
-	const int status = hm2_udp_bus("127.0.0.1", 27181, NULL, &bus, &udp, error);
-	if (status == HM2_OK)
-		bus.close(bus.self);
-	return status;
-}
-
-static int make_udp_floor(hm2_error *error)
-{
-	struct hm2_udp_floor *floor = NULL;
-	const int status = hm2_udp_floor_open(64, 0, 0, -1, &floor, error);
-	hm2_udp_floor_close(floor);
 	return status;
 }
 
@@ -258,8 +238,8 @@ int main(void)
 	refuse_each("memory map", make_memory_map, 1);
 	refuse_each("process data", make_process_data, 7);
 	refuse_each("sserial", make_sserial, 1);
-	refuse_each("udp", make_udp, 2);
-	refuse_each("udp floor", make_udp_floor, 1);
+	refuse_each("udp", open_udp, 2);
+	refuse_each("udp floor", open_udp_floor, 1);
 	refuse_each("emulated card", make_emulated_card, 26);
 	refuse_each("motor", make_motor, 27);
 	refuse_each("remote", make_remote, 2);

@@ -6,6 +6,7 @@
 
 #include "check.h"
 #include "hm2.h"
+#include "opened.h"
 #include "refused_calls.h"
 
 /* An attempt that must fail, with and without a place for the evidence. */
@@ -34,11 +35,7 @@ static char card_file[] = "/tmp/hm2-system-XXXXXX";
 
 static int map_card(hm2_error *error)
 {
-	hm2_bus bus;
-	const int status = hm2_memory_map_bus(card_file, &bus, error);
-	if (status == HM2_OK)
-		bus.close(bus.self);
-	return status;
+	return open_map(card_file, error);
 }
 
 static int map_short_file(hm2_error *error)
@@ -74,16 +71,6 @@ static void test_a_mapped_file_says_why_it_cannot_be_had(void)
 }
 
 /* ---- an Ethernet card ---- */
-
-static int open_udp(hm2_error *error)
-{
-	struct hm2_udp *udp = NULL;
-	hm2_bus bus;
-	const int status = hm2_udp_bus("127.0.0.1", 27181, NULL, &bus, &udp, error);
-	if (status == HM2_OK)
-		bus.close(bus.self);
-	return status;
-}
 
 static struct hm2_udp *link_to_card;
 
@@ -248,14 +235,6 @@ static void test_a_reply_that_cannot_be_sent(void)
 
 static struct hm2_udp_floor *udp_floor;
 
-static int open_floor(hm2_error *error)
-{
-	struct hm2_udp_floor *made = NULL;
-	const int status = hm2_udp_floor_open(64, 0, 0, -1, &made, error);
-	hm2_udp_floor_close(made);
-	return status;
-}
-
 static int exchange_with_floor(hm2_error *error)
 {
 	static const uint8_t request[16];
@@ -268,7 +247,7 @@ static void test_a_floor_that_cannot_be_had(void)
 	hm2_error error;
 	const enum call calls[] = {SOCKET, BIND, GETSOCKNAME, PTHREAD_CREATE}, exchanges[] = {SOCKET, CONNECT, SEND, RECV};
 	for (int i = 0; i < 4; i++)
-		check_refused(open_floor, calls[i], EMFILE, "udp floor", 0);
+		check_refused(open_udp_floor, calls[i], EMFILE, "udp floor", 0);
 	CHECK_EQUAL(hm2_udp_floor_open(7, 0, 0, -1, &udp_floor, &error), HM2_ERR_RANGE);
 	CHECK_EQUAL(hm2_udp_floor_open(HM2_LBP16_MAX_PAYLOAD + 1, 0, 0, -1, &udp_floor, &error), HM2_ERR_RANGE);
 	CHECK_EQUAL(hm2_udp_floor_open(64, 0, 0, 0, &udp_floor, &error), HM2_OK);
