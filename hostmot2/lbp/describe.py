@@ -64,11 +64,8 @@ def describe(remote: LbpRemote, software_mode: int | None = None) -> RemoteDescr
     line.
     """
     name, unit = remote.name, remote.unit_number
-    if name == "8I20":
-        max_current = remote.read_remote(builtin.MAX_CURRENT_8I20, 2) * builtin.TEN_MILLIAMPERES
-        return builtin.describe_8i20(unit, max_current)
-    if name == "7I64":
-        return builtin.describe_7i64(unit)
+    if known := builtin.describe(name, unit, remote.read_remote):
+        return known
     if software_mode is not None:
         remote.software_mode = software_mode
     found = remote.discovery()

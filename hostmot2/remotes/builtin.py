@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from hostmot2 import drive_8i20
 from hostmot2.fields import Direction, Field, FieldKind
 from hostmot2.remotes.discovery import RemoteDescription
@@ -13,6 +15,15 @@ TEN_MILLIAMPERES = 0.01
 
 _IN, _OUT = Direction.INPUT, Direction.OUTPUT
 _UNSIGNED = FieldKind.UNSIGNED
+
+
+def describe(
+    name: str, unit_number: int, read: Callable[[int, int], int], software_mode: int = 0
+) -> RemoteDescription | None:
+    """A remote that is known by its name, None for all others. read: (address, size) of its memory."""
+    if name == "8I20":
+        return describe_8i20(unit_number, read(MAX_CURRENT_8I20, 2) * TEN_MILLIAMPERES, software_mode)
+    return describe_7i64(unit_number, software_mode) if name == "7I64" else None
 
 
 def describe_8i20(unit_number: int, max_current: float, software_mode: int = 0) -> RemoteDescription:

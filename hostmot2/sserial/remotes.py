@@ -257,11 +257,9 @@ def describe(core: Core, channel: int, software_mode: int) -> RemoteDescription:
     Raises BrokenTable, UnsupportedRemote, RemoteSilent, and errors of the port and the board.
     """
     found = core.identity(channel)
-    if found.name == "8I20":
-        max_current = core.read_remote(channel, builtin.MAX_CURRENT_8I20, 2) * builtin.TEN_MILLIAMPERES
-        return builtin.describe_8i20(found.unit_number, max_current, software_mode)
-    if found.name == "7I64":
-        return builtin.describe_7i64(found.unit_number, software_mode)
+    read = partial(core.read_remote, channel)
+    if known := builtin.describe(found.name, found.unit_number, read, software_mode):
+        return known
     if not found.toc & 0xFFFF:
         raise UnsupportedRemote(
             f"smart serial port {core.number} channel {channel}: {found.name!r} has no table of its process "
