@@ -132,6 +132,72 @@ def test_safe_off_goes_on_behind_an_action_that_fails(card_file: Path) -> None:
     board.close()
 
 
+@pytest.mark.parametrize("times", [1, 2])
+def test_ctrl_c_in_making_safe_does_that_part_again_and_the_others_as_well(
+    card_file: Path, times: int
+) -> None:
+    board = hostmot2.open(f"pci://{card_file}")
+    ran: list[str] = []
+
+    def interrupted() -> None:
+        ran.append("ioport")
+        if len(ran) <= times:
+            raise KeyboardInterrupt
+
+    board.on_close(interrupted, SafeOff.IOPORT)
+    board.on_close(lambda: board.write(0x1100, 0xAB), SafeOff.WATCHDOG)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        board.close()
+    assert ran == ["ioport", "ioport"]
+    assert len(getattr(caught.value, "__notes__", [])) == times - 1, "the second one is told as well"
+    assert file_word(card_file, 0x1100) == 0xAB
+    assert board.closed
+
+
+def test_ctrl_c_before_making_safe_leaves_nothing_out(
+    card_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    board = hostmot2.open(f"pci://{card_file}")
+    make_safe, calls = board._make_safe, []
+
+    def interrupted() -> list[BaseException]:
+        calls.append("called")
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        return make_safe()
+
+    monkeypatch.setattr(board, "_make_safe", interrupted)
+    board.on_close(lambda: board.write(0x1100, 0xAB), SafeOff.IOPORT)
+    with pytest.raises(KeyboardInterrupt):
+        board.close()
+    assert file_word(card_file, 0x1100) == 0xAB
+    assert board.closed
+
+
+def test_ctrl_c_while_the_transport_closes_lets_go_of_all_of_it(card_file: Path) -> None:
+    board = hostmot2.open(f"pci://{card_file}")
+
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    board._transport.on_close.insert(0, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        board.close()
+    assert board.closed
+    hostmot2.open(f"pci://{card_file}").close()  # the lock is free
+
+
+def test_a_block_that_ends_well_raises_what_closing_could_not_do(card_file: Path) -> None:
+    def fail() -> None:
+        raise errors.TransportTimeout("lost")
+
+    board = hostmot2.open(f"pci://{card_file}")
+    board.on_close(fail, SafeOff.IOPORT)
+    with pytest.raises(errors.TransportTimeout, match="lost"), board:
+        pass
+    assert board.closed
+
+
 def test_an_exception_in_the_block_closes_and_is_the_one_that_is_raised(card_file: Path) -> None:
     ran: list[str] = []
 

@@ -9,11 +9,14 @@ import signal
 import struct
 import subprocess
 import sys
+import weakref
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 import hostmot2
+from hostmot2 import errors, exits
 from hostmot2.board import SafeOff
 
 DDR, DRIVING, OFF = 0x1100, 0x1FFFF, 0
@@ -208,3 +211,42 @@ def test_the_default_board_is_the_emulated_card_and_says_so() -> None:
     )
     assert done.stdout.splitlines() == ["<default board, not open>", "5I25 34", "<default board, not open>"]
     assert done.stderr.count("emu://5i25+7i77") == 1
+
+
+class Closable:
+    """Notes that it was closed, and fails at it if it is told to."""
+
+    def __init__(self, error: BaseException | None) -> None:
+        self.error, self.closed = error, False
+
+    def close(self) -> None:
+        self.closed = True
+        if self.error is not None:
+            raise self.error
+
+    def disown(self) -> None:
+        raise AssertionError("no child is made here")
+
+
+def test_at_the_end_all_boards_are_closed_whichever_of_them_fail(monkeypatch: pytest.MonkeyPatch) -> None:
+    boards = [Closable(None), *(Closable(errors.TransportTimeout("lost")) for _ in range(3)), Closable(None)]
+    monkeypatch.setattr(exits, "_open", weakref.WeakSet(boards))
+    with pytest.raises(errors.TransportTimeout, match="lost"):
+        exits.close_all()
+    assert all(board.closed for board in boards)
+
+
+def test_a_board_may_be_opened_in_any_thread(card: Path) -> None:
+    """Signals are the main thread's: another one leaves their handlers alone."""
+
+    def opened() -> str:
+        with hostmot2.open(f"pci://{card}") as board:
+            return board.name
+
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    try:
+        with ThreadPoolExecutor(1) as threads:
+            assert threads.submit(opened).result() == "5I25"
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_DFL
+    finally:
+        signal.signal(signal.SIGHUP, before)

@@ -436,3 +436,12 @@ def test_use_after_close():
         link.close()
         with pytest.raises(errors.TransportClosed):
             link.exchange(lbp16.read(Lbp16Space.BOARD, 0))
+
+
+def test_a_name_that_nobody_knows_is_no_card(monkeypatch):
+    def unknown(*_arguments):
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", unknown)
+    with pytest.raises(errors.CardNotFound, match="lathe: Name or service not known"):
+        open_transport("udp://lathe")

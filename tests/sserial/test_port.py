@@ -4,14 +4,17 @@ import pytest
 
 import hostmot2
 from hostmot2.emulator import EmulatedBoard, EmulatedRemote
-from hostmot2.errors import WatchdogBite
+from hostmot2.errors import SserialError, WatchdogBite
+from hostmot2.registers import SslbpLocal
 from hostmot2.sserial import (
     BrokenTable,
+    NoFirmware,
     NoRemote,
     NotDiscovered,
     PortRunning,
     UnsupportedRemote,
 )
+from hostmot2.sserial.core import Core
 
 from .remotes import COMMAND, IO_ELEMENTS, analog, field_io
 from .tables import IN, UNSIGNED, element
@@ -306,3 +309,69 @@ def test_what_is_no_card_is_a_type_error(hm2):
         hostmot2.open(5)
     with pytest.raises(TypeError, match="int"):
         hm2.card(7)
+
+
+def test_elements_of_a_channel_without_a_remote_say_what_to_check(hm2, field):
+    with pytest.raises(NoRemote, match="channel 1: no remote has answered here") as caught:
+        _ = hm2.sserial.channels[1].modes
+    assert caught.value.index == 1
+
+
+def test_a_doit_that_comes_too_soon_is_refused_and_nothing_is_sent(hm2, field):
+    hm2.sserial.start(0x01)
+    hm2.sserial.doit_pipelined()
+    output = hm2.sserial.channels[0].outputs
+    output["output"] = 0x55
+    with pytest.raises(SserialError, match="still at work"):
+        hm2.sserial.doit_pipelined()
+    hm2.pause(0.001)
+    assert field.outputs == b"\0\0"
+    assert hm2.sserial.doit_pipelined().failed == 0
+
+
+def test_line_settings_are_for_ports_that_are_stopped_and_have_bounds(hm2, field):
+    channel = hm2.sserial.channels[0]
+    hm2.sserial.start(0x01)
+    with pytest.raises(PortRunning, match="are started"):
+        channel.baud_rate = 115200
+    with pytest.raises(PortRunning, match="are started"):
+        channel.crc = False
+    hm2.sserial.stop()
+    assert (channel.baud_rate, channel.crc) == (2_500_000, True)
+    for baud in (0, 1 << 32):
+        with pytest.raises(ValueError, match="baud rate"):
+            channel.baud_rate = baud
+
+
+@pytest.fixture
+def variables(monkeypatch):
+    """What the firmware says of itself: its first bytes, changed by number."""
+    changed = {}
+    read = Core.read_local
+
+    def told(self, address, count):
+        found = bytearray(read(self, address, count))
+        for number, value in changed.items():
+            if address <= number < address + count <= 0x10:
+                found[number - address] = value
+        return bytes(found)
+
+    monkeypatch.setattr(Core, "read_local", told)
+    return changed
+
+
+def test_a_processor_that_is_no_sslbp_is_told(hm2, field, variables):
+    variables[SslbpLocal.interface_type.number] = 0x13
+    with pytest.raises(NoFirmware, match="0x13 is not SSLBP") as caught:
+        hm2.sserial.start(0x01)
+    assert (caught.value.expected, caught.value.received) == (0x12, 0x13)
+
+
+def test_a_firmware_that_does_not_tell_where_channels_are_still_moves_data(hm2, field, variables):
+    variables[SslbpLocal.channel_start.number] = variables[SslbpLocal.channel_stride.number] = 0
+    assert hm2.sserial.start(0x01).failed == 0
+    hm2.sserial.channels[0].outputs["output"] = 0x1234
+    assert hm2.sserial.doit(0x01).failed == 0
+    assert field.outputs == b"\x34\x12"
+    with pytest.raises(NoFirmware, match="does not tell where channels are"):
+        hm2.sserial.counters()

@@ -166,3 +166,14 @@ def test_a_remote_without_checksum(hm2, field):
     assert not channel_crc
     channel.crc = True
     assert channel.crc
+
+
+@pytest.mark.parametrize(
+    ("address", "value", "size"), [(0x300, 256, 1), (0x300, 1, 3), (0xFFFF, 1, 2), (-1, 1, 1)]
+)
+def test_writes_that_cannot_be_reach_no_remote(hm2, field, address, value, size):
+    hm2.sserial.start(0x01, "setup")
+    before = len(field.writes)
+    with pytest.raises(ValueError, match=r"fit|size|outside"):
+        hm2.sserial.write_remote(0, address, value, size)
+    assert len(field.writes) == before

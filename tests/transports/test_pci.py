@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import os
 import shutil
@@ -172,6 +173,26 @@ def test_a_user_with_the_bar_but_not_the_enable_file_needs_decoding_switched_on_
     (directory / "config").write_bytes(config)
     with unprivileged(), hostmot2.open(f"pci://?sysfs={sysfs}") as board:
         assert board.name == "5I25"
+
+
+def test_a_user_who_may_count_the_card_in_but_not_set_its_command_register_is_told(sysfs: Path) -> None:
+    directory = add_device(sysfs, "0000:03:00.0", MESA_5I25)
+    (directory / "resource0").chmod(0o666)
+    (directory / "enable").chmod(0o666)
+    (directory / "config").chmod(0o644)
+    with unprivileged(), pytest.raises(errors.PermissionDenied, match="config: memory decoding is off"):
+        hostmot2.open(f"pci://?sysfs={sysfs}")
+    with (directory / "resource0").open("rb") as file:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # nobody has it any more
+
+
+def test_a_card_that_cannot_be_switched_on_says_why(sysfs: Path) -> None:
+    directory = add_device(sysfs, "0000:03:00.0", MESA_5I25)
+    (directory / "enable").unlink()
+    (directory / "enable").mkdir()
+    with pytest.raises(errors.TransportError, match=r"enable: Is a directory") as caught:
+        hostmot2.open(f"pci://?sysfs={sysfs}")
+    assert caught.value.os_errno == errno.EISDIR
 
 
 def test_udev_rules_cover_every_board_and_switch_decoding_on() -> None:

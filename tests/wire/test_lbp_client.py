@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from hostmot2 import lbp
@@ -9,6 +11,7 @@ from hostmot2.emulator import EmulatedRemote
 from hostmot2.lbp import LbpRemote, WireLink, frame
 from hostmot2.lbp.errors import LineSilent, NotLbp, RemoteRefused, WrongAnswer, status_names
 from hostmot2.registers import LbpCapability, LbpLocal, LbpStatus
+from hostmot2.remotes.errors import UnsupportedRemote
 from wire.lines import Recorder, connect, emulated
 
 
@@ -236,6 +239,19 @@ def test_a_7i64_has_no_parameters_but_is_known() -> None:
     assert list(lbp.parameters(remote)) == []
 
 
+def test_a_remote_without_tables_and_without_a_known_name(emulator: EmulatedRemote) -> None:
+    emulator.ptoc = 0
+    with pytest.raises(UnsupportedRemote, match="not known by its name"):
+        lbp.describe(connect(emulator))
+
+
+def test_another_software_mode_is_described_when_it_is_asked_for() -> None:
+    remote = connect(emulated("7i77-io"))
+    names = {mode: {field.name for field in lbp.describe(remote, mode).fields} for mode in (0, 1)}
+    assert names[0] < names[1]
+    assert lbp.describe(remote).software_mode == 1, "it stays selected"
+
+
 def test_the_watchdog_time_has_two_names() -> None:
     """7I77 manual: NVWATCHDOGTIME in the table, NVWATCHDOGTIMEOUT in the text."""
     card = emulated("7i77-io")
@@ -276,3 +292,56 @@ def test_a_short_answer_is_none(crc: bool) -> None:
         link.transact(frame.read(0x0874, 2))
     assert link.counters.short == 1
     assert len(link.transact(frame.read(0x0874, 2))) == 2
+
+
+@pytest.mark.parametrize(
+    "attempt",
+    [
+        lambda remote: remote.write_remote(0x300, 256),
+        lambda remote: remote.write_remote(0x300, -129),
+        lambda remote: remote.write_local(0x00, 256),
+        lambda remote: remote.write_local(0x00, -1),
+        lambda remote: setattr(remote, "pointer", 0x10000),
+    ],
+)
+def test_what_does_not_fit_is_refused_and_not_sent(emulator: EmulatedRemote, attempt: Any) -> None:
+    recorder = Recorder(emulator)
+    remote = LbpRemote(WireLink(recorder))
+    recorder.frames.clear()
+    with pytest.raises(ValueError, match=r"fit|outside"):
+        attempt(remote)
+    assert recorder.frames == []
+
+
+def test_faults_that_are_never_cleared_are_no_success(remote: LbpRemote, emulator: EmulatedRemote) -> None:
+    emulator.clear_flag_busy_reads = 1_000_000
+    with pytest.raises(WrongAnswer, match="stays set"):
+        remote.clear_faults()
+
+
+def test_the_status_can_be_cleared_and_the_counted_errors_read(
+    remote: LbpRemote, emulator: EmulatedRemote
+) -> None:
+    emulator.lbp_status = LbpStatus.WATCHDOG
+    assert remote.status == LbpStatus.WATCHDOG
+    remote.clear_status()
+    assert emulator.lbp_status == 0
+    before = remote.crc_errors
+    emulator.exchange(bytes.fromhex("DF 17"))
+    assert remote.crc_errors > before
+
+
+def test_an_rpc_that_reads_back_differently_is_told(remote: LbpRemote, monkeypatch) -> None:
+    monkeypatch.setattr(remote, "write_bytes", lambda *_arguments, **_space: None)
+    with pytest.raises(WrongAnswer, match="RPC 5 was written as"):
+        remote.store_rpc(5, [frame.rpc_write(0x10, 2)])
+    assert remote.read_local(LbpLocal.rpc_memory_access) == 0, "the table is closed again"
+
+
+def test_what_must_be_done_once_is_not_done_in_another_memory_space(
+    remote: LbpRemote, emulator: EmulatedRemote
+) -> None:
+    before = len(emulator.writes)
+    with pytest.raises(WrongAnswer, match="not in memory space 2"):
+        remote.commit(0x10, 0x01, space=2)
+    assert len(emulator.writes) == before
