@@ -405,6 +405,24 @@ def test_while_it_runs_the_cycle_and_its_ports_are_the_engines(board: Any) -> No
     board.sserial.doit()
 
 
+def test_an_engine_that_cannot_be_made_gives_the_ports_back(
+    board: Any, emulated: EmulatedBoard, monkeypatch: Any
+) -> None:
+    def refuse(*_arguments: Any) -> Any:
+        raise MemoryError("engine")
+
+    engine = board.engine()
+    monkeypatch.setattr("hostmot2.engine.engine.build", refuse)
+    with pytest.raises(MemoryError):
+        engine.start()
+    board.sserial.channels[1].outputs["analogena"] = 1
+    board.sserial.doit()
+    assert analog(emulated).get("analogena") == 1
+    monkeypatch.undo()
+    with engine:
+        run(engine, 2)
+
+
 def test_a_started_engine_takes_no_more_parts(board: Any) -> None:
     with board.engine() as engine:
         with pytest.raises(EngineError):
