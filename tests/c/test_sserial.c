@@ -314,8 +314,44 @@ static void test_a_port_stopped_while_the_space_is_put_back_says_so(void)
 	mailbox_free(&box);
 }
 
+/* In normal mode a DOIT moves process data: the outputs of a machine that runs would be a memory access. */
+static void test_a_remotes_memory_is_not_touched_while_process_data_moves(void)
+{
+	uint64_t value = 0x77;
+	start(1);
+	for (uint32_t channel = 0; channel < 2; channel++) {
+		CHECK_EQUAL(hm2_sserial_access(box.port, channel, 0x64, 0x100, &value, &box.error), HM2_ERR_BUSY);
+		CHECK_EQUAL(box.error.detail, HM2_SSERIAL_NOT_STARTED);
+		CHECK_EQUAL(box.error.index, channel);
+		CHECK_EQUAL(hm2_sserial_write_remote(box.port, channel, 0, 0x100, 1, 7, &box.error), HM2_ERR_BUSY);
+		CHECK_EQUAL(box.error.detail, HM2_SSERIAL_NOT_STARTED);
+		CHECK_EQUAL(box.error.index, channel);
+	}
+	CHECK_EQUAL(box.count, 0);
+	CHECK_EQUAL(box.words[USER0 / 4], 0);
+	mailbox_free(&box);
+}
+
+/* What the channel says of it is evidence: if that cannot be read, the bus is the trouble, not the remote. */
+static void test_a_bus_that_fails_behind_a_silent_remote_is_told_as_that(void)
+{
+	uint64_t value = 0;
+	mailbox_open(&box);
+	CHECK_EQUAL(hm2_sserial_start(box.port, 1, HM2_SSERIAL_SETUP, &box.error), 0);
+	box.words[DATA / 4] = 1; /* the DOIT's answer: channel 0 has failed */
+	box.exchanges = 0;
+	CHECK_EQUAL(hm2_sserial_access(box.port, 0, 0x44, 0x100, &value, &box.error), HM2_ERR_TIMEOUT);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_REMOTE_SILENT);
+	box.fail_at = box.exchanges; /* the last one, which looked at the channel */
+	box.exchanges = 0;
+	CHECK_EQUAL(hm2_sserial_access(box.port, 0, 0x44, 0x100, &value, &box.error), HM2_ERR_IO);
+	mailbox_free(&box);
+}
+
 int main(void)
 {
+	test_a_remotes_memory_is_not_touched_while_process_data_moves();
+	test_a_bus_that_fails_behind_a_silent_remote_is_told_as_that();
 	test_a_port_stopped_while_the_space_is_put_back_says_so();
 	test_a_remotes_value_is_as_wide_as_was_asked_for();
 	test_a_doit_names_the_channels_that_were_asked_for();

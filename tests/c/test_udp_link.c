@@ -5,6 +5,7 @@
 
 #include "check.h"
 #include "hm2.h"
+#include "registers.h"
 
 enum { QUEUE = 64, WORDS = 3000 };
 
@@ -13,6 +14,7 @@ static struct {
 	int64_t now_ns;
 	int silent;      /* the card hears nothing */
 	int deaf;        /* the host hears nothing */
+	int lost;        /* so many more datagrams do not arrive at the card */
 	int refuse_send; /* the send of this number fails; 0: none */
 	int sends, receives;
 	int refuse_receive;
@@ -23,10 +25,12 @@ static struct {
 static int net_send(void *self, const uint8_t *bytes, size_t length)
 {
 	uint8_t reply[HM2_LBP16_MAX_PAYLOAD];
+	const int lost = net.lost > 0;
 	(void)self;
 	if (++net.sends == net.refuse_send)
 		return -ENETUNREACH;
-	const size_t size = net.silent ? 0 : hm2_ethernet_process(net.card, bytes, length, reply);
+	net.lost -= lost;
+	const size_t size = net.silent || lost ? 0 : hm2_ethernet_process(net.card, bytes, length, reply);
 	if (size && !net.deaf && net.count < QUEUE) {
 		const size_t at = (net.first + net.count++) % QUEUE;
 		memcpy(net.replies[at], reply, size);
@@ -318,8 +322,45 @@ static void test_the_clock_is_the_carriers(void)
 	close_link();
 }
 
+/* Who else writes the card's number, another program or its restart, leaves nothing to tell by whether a lost write was
+ * carried out: it is not sent again, and the deadline says so. */
+static void test_a_write_is_not_repeated_on_somebody_elses_word(void)
+{
+	const hm2_udp_config config = quick();
+	uint32_t word = 0x11, there = 0;
+	open_link(&config);
+	CHECK_EQUAL(hm2_write(board, 0x1000, &word, 1, &error), HM2_OK);
+	for (uint32_t half = 0; half < 2; half++)
+		hm2_ethernet_poke(net.card, HM2_LBP16_SPACE_TIMER, HM2_LBP16_TIMER_SCRATCH + 2 * half, 0x7777);
+	net.lost = 1;
+	word = 0x22;
+	CHECK_EQUAL(hm2_write(board, 0x1000, &word, 1, &error), HM2_ERR_TIMEOUT);
+	CHECK_EQUAL(counters().retries, 0);
+	CHECK_EQUAL(hm2_read(board, 0x1000, &there, 1, &error), HM2_OK);
+	CHECK_EQUAL(there, 0x11);
+	close_link();
+}
+
+/* The same loss with a number that is ours. */
+static void test_a_write_that_was_lost_is_sent_again(void)
+{
+	const hm2_udp_config config = quick();
+	uint32_t word = 0x11, there = 0;
+	open_link(&config);
+	CHECK_EQUAL(hm2_write(board, 0x1000, &word, 1, &error), HM2_OK);
+	net.lost = 1;
+	word = 0x22;
+	CHECK_EQUAL(hm2_write(board, 0x1000, &word, 1, &error), HM2_OK);
+	CHECK_EQUAL(counters().retries, 1);
+	CHECK_EQUAL(hm2_read(board, 0x1000, &there, 1, &error), HM2_OK);
+	CHECK_EQUAL(there, 0x22);
+	close_link();
+}
+
 int main(void)
 {
+	test_a_write_is_not_repeated_on_somebody_elses_word();
+	test_a_write_that_was_lost_is_sent_again();
 	test_a_silent_card_is_given_up_and_taken_back();
 	test_without_a_limit_a_link_is_never_given_up();
 	test_without_a_retry_time_nothing_is_repeated();
