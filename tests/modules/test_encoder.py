@@ -156,3 +156,79 @@ def test_settings_reach_the_registers(board: Board, emulated: EmulatedBoard) -> 
         module.filter_rate = 1.0
     with pytest.raises(ValueError, match="scale"):
         encoder.scale = 0.0
+
+
+@pytest.mark.parametrize("gate", ["none", "low", "high"])
+def test_settings_of_the_index_read_back_and_others_are_refused(board: Board, gate: str) -> None:
+    encoder = board.encoders[0]
+    encoder.index_gate = encoder.index_mask = gate
+    assert (encoder.index_gate, encoder.index_mask) == (gate, gate)
+    with pytest.raises(ValueError, match="index gate 'both'"):
+        encoder.index_gate = "both"
+    with pytest.raises(ValueError, match="index mask ''"):
+        encoder.index_mask = ""
+    assert (encoder.index_gate, encoder.index_mask) == (gate, gate)
+
+
+def test_an_index_outside_its_gate_is_not_taken(board: Board, emulated: EmulatedBoard) -> None:
+    """The gate opens while A and B are both high, and the index comes while both are low."""
+    encoder = board.encoders[0]
+    encoder.filter, encoder.index_active_high, encoder.index_gate = False, True, "high"
+    cycles(board, emulated, 3)
+    encoder.latch_index()
+    cycles(board, emulated, 3)
+    wheel = emulated.encoder_input(0)
+    wheel.set(0, 0, 0)
+    cycles(board, emulated, 1)
+    wheel.set(0, 0, 1)
+    cycles(board, emulated, 1)
+    assert encoder.latching
+    wheel.set(0, 0, 0)
+    cycles(board, emulated, 1)
+    wheel.set(1, 1, 0)
+    cycles(board, emulated, 1)
+    wheel.set(1, 1, 1)
+    cycles(board, emulated, 2)
+    assert not encoder.latching
+
+
+def test_a_latch_can_be_withdrawn(board: Board, emulated: EmulatedBoard) -> None:
+    encoder = board.encoders[0]
+    encoder.filter, encoder.index_active_high = False, True
+    cycles(board, emulated, 3)
+    encoder.latch_index()
+    cycles(board, emulated, 2)
+    encoder.cancel_latch()
+    cycles(board, emulated, 3)
+    emulated.encoder_input(0).set(0, 0, 1)
+    cycles(board, emulated, 3)
+    assert not encoder.latching
+    assert encoder.events == 0
+
+
+def test_what_an_encoder_cannot_be_told(board: Board) -> None:
+    encoder, module = board.encoders[0], board.encoders.modules[0]
+    for seconds in (0.0, -1.0, float("nan")):
+        with pytest.raises(ValueError, match="velocity timeout"):
+            encoder.velocity_timeout = seconds
+    assert encoder.velocity_timeout == 0.5
+    for rate in (0.0, -1.0, 1e9, 1.0):
+        with pytest.raises(ValueError, match="timestamp rate"):
+            module.timestamp_rate = rate
+    with pytest.raises(errors.UnsupportedFirmware, match="no probe input"):
+        encoder.latch_probe()
+    assert not encoder.latching
+
+
+def test_zero_is_where_it_stands(board: Board, emulated: EmulatedBoard) -> None:
+    encoder = board.encoders[0]
+    encoder.filter = False
+    cycles(board, emulated, 2)
+    emulated.encoder_input(0).run(edge_period_ns=2000.0, counts=100)
+    cycles(board, emulated, 3)
+    assert encoder.count
+    encoder.zero()
+    assert (encoder.count, encoder.position) == (0, 0.0)
+    emulated.encoder_input(0).run(edge_period_ns=2000.0, counts=7)
+    cycles(board, emulated, 3)
+    assert encoder.count == 7
