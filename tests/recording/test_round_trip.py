@@ -195,6 +195,36 @@ def test_a_full_disk_stops_the_writer_not_the_cycle(tmp_path):
     assert len(read(tmp_path / "run.mcap").records) == 0
 
 
+@pytest.mark.parametrize("part", ["finish", "close"])
+def test_a_disk_that_is_full_only_at_the_end_is_told_and_what_was_flushed_reads(tmp_path, part):
+    ring = RecordRing(DTYPE, 64)
+    recorder = Recorder(ring, tmp_path / "run.mcap", INPUTS, OUTPUTS).start()
+    push_all(ring, records(0, 5))
+    sink, done = recorder._sink, getattr(recorder._sink, part)
+
+    def full():
+        done()
+        raise OSError(28, "No space left on device")
+
+    setattr(sink, part, full)
+    with pytest.raises(RecordingFailed, match=r"after 5 records: .*No space left") as caught:
+        recorder.close()
+    assert caught.value.os_errno == 28
+    assert isinstance(recorder.failure, OSError)
+    assert len(read(tmp_path / "run.mcap").records) == 5
+    recorder.close()  # said once
+
+
+def test_a_recorder_is_started_once(tmp_path):
+    recorder = Recorder(RecordRing(DTYPE, 64), tmp_path / "run.mcap", INPUTS, OUTPUTS)
+    with recorder, pytest.raises(RuntimeError, match="started once"):
+        recorder.start()
+    with pytest.raises(RuntimeError, match="started once"):
+        recorder.start()
+    with pytest.raises(ValueError, match="level 'loud'"):
+        recorder.log("text", "loud")
+
+
 def test_the_log_is_kept_with_its_times(tmp_path):
     ring = RecordRing(DTYPE, 64)
     with Recorder(ring, tmp_path / "run.mcap", INPUTS, OUTPUTS, clock=lambda: 0) as recorder:
