@@ -54,6 +54,9 @@ struct sserial_lists {
 	uint32_t out[DATA_REGISTERS][CHANNELS];
 };
 
+/* Of a DOIT whose exchange did not come back. */
+enum sserial_doubt { NO_DOUBT, MAY_BE_LATE, LATE_AT_WORK };
+
 struct sserial_channel {
 	uint32_t software_mode;
 	uint32_t input_registers, output_registers; /* that carry process bits */
@@ -80,7 +83,7 @@ struct hm2_sserial {
 	int reading;         /* the cycle's exchange at work reads results */
 	int hung;            /* the cycle found a DOIT that does not end */
 	uint64_t failures;   /* of the board's exchanges, when the last pipelined DOIT was written */
-	int late;            /* it may have got lost, or start only now: no other before a look */
+	int late;            /* enum sserial_doubt: no other before a look */
 	int hidden;          /* the registers hold no result that could be told from an older one */
 	int64_t doit_ns;     /* when the last DOIT was written */
 	int64_t expected_ns; /* when to look for the end of a DOIT, from its write */
@@ -135,6 +138,8 @@ void sserial_launching(struct hm2_sserial *port);
 void sserial_note_launch(struct hm2_sserial *port);
 /* Written over a DOIT that should have been over: lost, and the other's result with it. */
 void sserial_overwritten(struct hm2_sserial *port);
+/* COMMAND does not read 0, at now_ns or later, and nothing was written over it: whether it will never end. */
+int sserial_is_hung(struct hm2_sserial *port, int64_t now_ns);
 /* COMMAND reads 0, the registers are read: whether what they hold is a result. Ends all doubt. */
 int sserial_is_result(struct hm2_sserial *port);
 /* What the cycle's last exchange brought, without ever waiting: 1 if a result, its masks; -1: the DOIT hangs. */

@@ -98,6 +98,8 @@ int sserial_settle(struct hm2_sserial *port, const char *where, hm2_error *error
 	if (!port->busy)
 		sserial_written(port, LIMIT_ACCESS_NS); /* someone else's command, if there is one */
 	sserial_note_launch(port);
+	if (port->late)
+		(void)sserial_is_hung(port, hm2_board_now_ns(port->board)); /* this is its first look */
 	const int status = sserial_wait(port, POLL_SHORT_NS, error);
 	if (status == HM2_ERR_TIMEOUT && port->busy)
 		return sserial_recover(port, where, error);
@@ -128,7 +130,8 @@ void sserial_forget(struct hm2_sserial *port, uint32_t mask)
 	port->used &= ~mask;
 	port->flying &= ~mask;
 	port->launched &= ~mask;
-	port->late = port->hidden = 0;
+	port->late = NO_DOUBT;
+	port->hidden = 0;
 	for (uint32_t channel = 0; channel < CHANNELS; channel++) {
 		if (!(mask & 1u << channel))
 			continue;

@@ -22,7 +22,7 @@ void sserial_note_launch(struct hm2_sserial *port)
 	if (!port->launched)
 		return;
 	if (failures(port) != port->failures) {
-		port->late = 1;
+		port->late = MAY_BE_LATE;
 		port->hidden |= !port->flying;
 	}
 	port->flying = port->launched;
@@ -33,8 +33,20 @@ void sserial_note_launch(struct hm2_sserial *port)
  * forgets the other and shows 0xFF in DATA (sserial.md 2.1): this costs two cycles, and is no reason to stop. */
 void sserial_overwritten(struct hm2_sserial *port)
 {
-	port->late = port->hidden = 1;
+	port->late = LATE_AT_WORK;
+	port->hidden = 1;
 	port->counters.overwritten++;
+}
+
+/* Of a DOIT in doubt nobody knows when it began, a network may have kept it for longer than it takes: the limit runs from
+ * the first look that finds it at work. */
+int sserial_is_hung(struct hm2_sserial *port, int64_t now_ns)
+{
+	if (port->late == MAY_BE_LATE) {
+		port->late = LATE_AT_WORK;
+		port->busy_until_ns = now_ns + port->busy_limit_ns;
+	}
+	return now_ns >= port->busy_until_ns;
 }
 
 int sserial_is_result(struct hm2_sserial *port)
@@ -42,7 +54,8 @@ int sserial_is_result(struct hm2_sserial *port)
 	/* 0xFF with fewer channels asked for is the answer to no DOIT, but to one written over another at work */
 	const int hidden = port->hidden ||
 	                   (port->lists.data == HM2_SSLBP_RESULT_INVALID && port->lists.mask != HM2_SSLBP_RESULT_INVALID);
-	port->late = port->hidden = 0;
+	port->late = NO_DOUBT;
+	port->hidden = 0;
 	port->counters.hidden += (uint64_t)hidden;
 	return !hidden;
 }
@@ -103,7 +116,7 @@ static size_t cyclic_writes(void *self, hm2_transfer *transfers, size_t capacity
 /* Written over or not, it has the time of a DOIT to end. */
 static void still_at_work(struct hm2_sserial *port, int followed, int64_t now_ns)
 {
-	port->hung = !followed && now_ns >= port->busy_until_ns;
+	port->hung = !followed && sserial_is_hung(port, now_ns);
 	if (!followed)
 		return;
 	port->launched = 0;

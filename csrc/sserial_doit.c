@@ -287,7 +287,7 @@ int sserial_collect(struct hm2_sserial *port, hm2_error *error)
 }
 
 /* Returns the failed channels, or HIDDEN. */
-static int finish_flight(struct hm2_sserial *port, int followed, int expired, hm2_error *error)
+static int finish_flight(struct hm2_sserial *port, int followed, int64_t now_ns, hm2_error *error)
 {
 	if (port->lists.command == 0) {
 		port->flying = 0;
@@ -295,7 +295,7 @@ static int finish_flight(struct hm2_sserial *port, int followed, int expired, hm
 	}
 	if (followed)
 		sserial_overwritten(port);
-	else if (expired)
+	else if (sserial_is_hung(port, now_ns))
 		return sserial_hung(port, "sserial cycle", error);
 	port->counters.too_soon++;
 	return sserial_fail(error, HM2_ERR_BUSY, "sserial cycle", HM2_SSERIAL_TOO_SOON, -1);
@@ -308,11 +308,10 @@ static int step(struct hm2_sserial *port, uint32_t running, hm2_error *error)
 	struct sserial_lists *lists = &port->lists;
 	const int64_t now_ns = hm2_board_now_ns(port->board);
 	const int one_exchange = lists->mask == running && !port->late && sserial_is_over(port, now_ns);
-	const int expired = now_ns >= port->busy_until_ns;
 	int failed = 0;
 	int status = HM2_OK;
 	if (one_exchange) {
-		port->late = 1; /* until it has come back */
+		port->late = MAY_BE_LATE; /* until it has come back */
 		sserial_prepare_doit(port);
 		status = hm2_exchange(port->board, lists->transfers, lists->reads + lists->writes, error);
 	} else {
@@ -321,10 +320,10 @@ static int step(struct hm2_sserial *port, uint32_t running, hm2_error *error)
 	if (status != HM2_OK)
 		return status;
 	if (one_exchange) {
-		port->late = 0;
+		port->late = NO_DOUBT;
 		sserial_arrived(port);
 	}
-	failed = finish_flight(port, one_exchange, expired, error);
+	failed = finish_flight(port, one_exchange, now_ns, error);
 	if (failed < 0 || one_exchange)
 		return failed;
 	if (running) {

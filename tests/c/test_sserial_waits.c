@@ -141,6 +141,26 @@ static void test_a_pipelined_doit_that_never_ends_is_dug_out(void)
 	mailbox_free(&box);
 }
 
+/* The network kept it for longer than its limit and lets it go just before the look. */
+static void test_a_pipelined_doit_that_begins_late_is_waited_for(void)
+{
+	uint32_t requested;
+	start(1000, DOIT_NS);
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), 0);
+	box.now_ns += 4 * MOST_NS;
+	box.fail_next = 1;
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), HM2_ERR_IO);
+	box.now_ns += 4 * MOST_NS + 1;
+	box.words[COMMAND / 4] = 0x1001;
+	box.done_ns = box.now_ns + DOIT_NS;
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), HM2_ERR_BUSY);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_TOO_SOON);
+	box.now_ns += DOIT_NS;
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), 0);
+	CHECK_EQUAL(requested, 1);
+	mailbox_free(&box);
+}
+
 int main(void)
 {
 	test_where_a_look_is_dear_one_is_enough();
@@ -150,5 +170,6 @@ int main(void)
 	test_the_wait_creeps_back();
 	test_a_doit_is_never_written_over_one_at_work();
 	test_a_pipelined_doit_that_never_ends_is_dug_out();
+	test_a_pipelined_doit_that_begins_late_is_waited_for();
 	return CHECK_RESULT();
 }

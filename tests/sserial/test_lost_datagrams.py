@@ -5,6 +5,7 @@ new ones, and nothing that passes by itself may stop the port.
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import pytest
@@ -124,6 +125,19 @@ def test_a_doit_that_arrives_late_is_never_written_over(cycles: Cycles, late_us:
     cycles.recover(late_us * US // PERIOD_NS)
     in_order = late_us * US < PERIOD_NS
     assert not in_order or cycles.port.transfers["overwritten"] == 0
+
+
+@pytest.mark.parametrize("stall_us", range(800, 4700, 50))
+def test_a_network_that_stands_still_for_a_while_hangs_no_doit(cycles: Cycles, stall_us: int):
+    """All that was sent meanwhile arrives at its end, in order: the DOIT begins long after it was written."""
+    board: Any = cycles.world.board
+    end, sent = board.now_ns() + stall_us * US, 0
+    while board.now_ns() < end - 300 * US:
+        cycles.fault(lib.HM2_FAULT_LATE, end + sent * 10 * US - board.now_ns())
+        sent += 1
+        with suppress(TransportTimeout):
+            cycles.run()
+    cycles.recover(SOON_AGAIN)
 
 
 @pytest.mark.parametrize("step", [1, 2])
