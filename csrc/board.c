@@ -1,4 +1,5 @@
 /* A board: words at addresses over any bus, every access checked before the bus sees it. */
+#include "board.h"
 #include "error.h"
 
 #include <pthread.h>
@@ -23,6 +24,7 @@ struct hm2_board {
 	size_t checked_count; /* the last list, if it was good; 0: none is remembered */
 	hm2_transfer checked[CHECKED];
 	hm2_board_counters counters;
+	_Atomic uint64_t given_up; /* exchanges that never got to the bus */
 };
 
 int hm2_board_open(const hm2_bus *bus, struct hm2_board **board, hm2_error *error)
@@ -73,6 +75,16 @@ void hm2_board_get_counters(const struct hm2_board *board, hm2_board_counters *c
 	counters->failures = __atomic_load_n(&board->counters.failures, __ATOMIC_RELAXED);
 	counters->words_read = __atomic_load_n(&board->counters.words_read, __ATOMIC_RELAXED);
 	counters->words_written = __atomic_load_n(&board->counters.words_written, __ATOMIC_RELAXED);
+}
+
+uint64_t board_failed(const struct hm2_board *board)
+{
+	return __atomic_load_n(&board->counters.failures, __ATOMIC_RELAXED) + atomic_load(&board->given_up);
+}
+
+void board_given_up(struct hm2_board *board)
+{
+	atomic_fetch_add(&board->given_up, 1);
 }
 
 int64_t hm2_board_now_ns(struct hm2_board *board)
@@ -171,23 +183,34 @@ static int check_list(struct hm2_board *board, const hm2_transfer *transfers, si
 	return HM2_OK;
 }
 
+/* Whose turn it is. */
+static int begin(struct hm2_board *board, const hm2_transfer *transfers, size_t count, hm2_error *error)
+{
+	int status = board->open ? check_list(board, transfers, count, error)
+	                         : hm2_error_set(error, HM2_ERR_CLOSED, "board");
+	if (status != HM2_OK) {
+		board_given_up(board);
+		return status;
+	}
+	status = board->bus.begin(board->bus.self, transfers, count, error);
+	if (status == HM2_OK)
+		board->outstanding = 1;
+	else
+		count_up(&board->counters.failures, 1);
+	return status;
+}
+
 int hm2_begin(struct hm2_board *board, const hm2_transfer *transfers, size_t count, hm2_error *error)
 {
 	if (!board->open)
 		return hm2_error_set(error, HM2_ERR_CLOSED, "board");
-	if (pthread_mutex_lock(&board->turn)) /* this thread's own exchange is outstanding */
+	if (pthread_mutex_lock(&board->turn)) { /* this thread's own exchange is outstanding */
+		board_given_up(board);
 		return hm2_error_set(error, HM2_ERR_BUSY, "board begin");
-	int status = board->open ? check_list(board, transfers, count, error)
-	                         : hm2_error_set(error, HM2_ERR_CLOSED, "board");
-	if (status == HM2_OK) {
-		status = board->bus.begin(board->bus.self, transfers, count, error);
-		if (status == HM2_OK) {
-			board->outstanding = 1;
-			return HM2_OK;
-		}
-		count_up(&board->counters.failures, 1);
 	}
-	pthread_mutex_unlock(&board->turn);
+	const int status = begin(board, transfers, count, error);
+	if (status != HM2_OK)
+		pthread_mutex_unlock(&board->turn);
 	return status;
 }
 

@@ -1,5 +1,6 @@
 /* One exchange for everything that takes part in a cycle. Nothing is allocated or looked up here. */
 #include "cycle.h"
+#include "board.h"
 #include "error.h"
 
 #include <stdlib.h>
@@ -74,6 +75,8 @@ int cycle_begin(struct hm2_cycle *cycle, int reads, int writes, hm2_error *error
 		status = append(cycle, cycle->writer, cycle->writers, error);
 	if (status == HM2_OK)
 		status = hm2_begin(cycle->board, cycle->transfer, cycle->transfers, error);
+	else
+		board_given_up(cycle->board); /* parts asked before have listed what will not go out */
 	if (status != HM2_OK)
 		cycle->counters.failures++;
 	return status;

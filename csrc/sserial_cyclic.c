@@ -1,18 +1,12 @@
 /* A port's pipeline inside a board's cycle: the same rules as hm2_sserial_cycle, in the cycle's exchange. */
+#include "board.h"
 #include "sserial.h"
 
 #include <string.h>
 
-static uint64_t failures(const struct hm2_sserial *port)
-{
-	hm2_board_counters counters;
-	hm2_board_get_counters(port->board, &counters);
-	return counters.failures;
-}
-
 void sserial_launching(struct hm2_sserial *port)
 {
-	port->failures = failures(port);
+	port->failures = board_failed(port->board);
 }
 
 /* Of an exchange that did not come back nobody knows whether its DOIT has started, or when it will. The registers then
@@ -21,7 +15,7 @@ void sserial_note_launch(struct hm2_sserial *port)
 {
 	if (!port->launched)
 		return;
-	if (failures(port) != port->failures) {
+	if (board_failed(port->board) != port->failures) {
 		port->late = MAY_BE_LATE;
 		port->hidden |= !port->flying;
 	}

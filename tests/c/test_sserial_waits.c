@@ -161,6 +161,48 @@ static void test_a_pipelined_doit_that_begins_late_is_waited_for(void)
 	mailbox_free(&box);
 }
 
+/* Behind the port in the cycle's list: what makes the exchange impossible once all have been asked. */
+static int shuts_the_gate, asks_for_too_much;
+
+static size_t spoil(void *self, hm2_transfer *transfers, size_t capacity)
+{
+	(void)self;
+	(void)transfers;
+	if (shuts_the_gate)
+		hm2_board_set_gate(box.board, 1);
+	return asks_for_too_much ? capacity + 1 : 0;
+}
+
+static void test_a_cycle_that_never_got_to_the_bus_has_brought_no_inputs(void)
+{
+	const hm2_cyclic spoiler = {NULL, NULL, spoil, NULL};
+	for (int gate = 0; gate < 2; gate++) {
+		uint32_t requested;
+		hm2_cyclic part;
+		struct hm2_cycle *cycle;
+		start(1000, DOIT_NS);
+		hm2_sserial_part(box.port, &part);
+		CHECK_EQUAL(hm2_cycle_new(box.board, &cycle, NULL), HM2_OK);
+		CHECK_EQUAL(hm2_cycle_add(cycle, &part, NULL), HM2_OK);
+		CHECK_EQUAL(hm2_cycle_add(cycle, &spoiler, NULL), HM2_OK);
+		hm2_sserial_set_cyclic(box.port, 1);
+		*(gate ? &shuts_the_gate : &asks_for_too_much) = 1;
+		CHECK_EQUAL(hm2_cycle_run(cycle, NULL), gate ? HM2_ERR_GATED : HM2_ERR_RANGE);
+		shuts_the_gate = asks_for_too_much = 0;
+		hm2_board_set_gate(box.board, 0);
+		box.now_ns += MOST_NS;
+		CHECK_EQUAL(hm2_cycle_run(cycle, NULL), HM2_OK);
+		(void)hm2_sserial_cyclic_result(box.port, &requested, NULL);
+		CHECK_EQUAL(requested, 0);
+		for (int i = 0; i < 2; i++, box.now_ns += MOST_NS)
+			CHECK_EQUAL(hm2_cycle_run(cycle, NULL), HM2_OK);
+		(void)hm2_sserial_cyclic_result(box.port, &requested, NULL);
+		CHECK_EQUAL(requested, 1);
+		hm2_cycle_free(cycle);
+		mailbox_free(&box);
+	}
+}
+
 int main(void)
 {
 	test_where_a_look_is_dear_one_is_enough();
@@ -171,5 +213,6 @@ int main(void)
 	test_a_doit_is_never_written_over_one_at_work();
 	test_a_pipelined_doit_that_never_ends_is_dug_out();
 	test_a_pipelined_doit_that_begins_late_is_waited_for();
+	test_a_cycle_that_never_got_to_the_bus_has_brought_no_inputs();
 	return CHECK_RESULT();
 }
