@@ -65,3 +65,22 @@ def test_settings_that_cannot_be_are_refused_and_change_nothing(
     with pytest.raises(refusal):
         axis.tune(**setting)
     assert axis.settings == before
+
+
+def test_settings_changed_while_stopped_hold_for_the_next_run(engine: Any) -> None:
+    axis = axis_of(engine)
+    with engine:
+        axis.position = 2.0
+        engine.enable()
+        step(engine, 3)
+    for p in (1.5, 0.25):  # the last one counts
+        axis.tune(p=p, max_output=1.0)
+    with engine:
+        axis.position = 2.0
+        engine.enable()
+        step(engine, 3)
+        assert axis.output == pytest.approx(0.25 * axis.error)
+        axis.position = 100.0
+        engine.write()
+        step(engine, 3)
+        assert axis.output == 1.0

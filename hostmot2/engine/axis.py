@@ -87,7 +87,7 @@ class Axis:
         Raises EngineError if the engine does not take them within a second.
         """
         changed = pid_of({**self.settings, **settings})
-        if self._engine.running:
+        if self._engine.handle:
             self._send(changed)
         for name in settings:
             setattr(self.pid, name, getattr(changed, name))
@@ -96,7 +96,8 @@ class Axis:
         error = new_error()
         end = time.monotonic() + MAILBOX_SECONDS
         while True:
-            status = lib.hm2_engine_set_pid(self._engine.handle, self.number, pid, error)
+            with self._engine._lock:  # without a thread of its own a step is at work meanwhile
+                status = lib.hm2_engine_set_pid(self._engine.handle, self.number, pid, error)
             if status != lib.HM2_ERR_BUSY:
                 check(status, error)
                 return
