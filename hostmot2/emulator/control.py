@@ -181,11 +181,12 @@ def _remove_abandoned(path: Path) -> None:
 
 
 class ControlServer:
-    """The Unix socket. A context manager; leaving it removes the socket."""
+    """The Unix socket. A context manager; leaving it removes the socket, except in a forked child."""
 
     def __init__(self, path: str | Path, controls: Controls) -> None:
         self.path = Path(path)
         self._controls = controls
+        self._owner = os.getpid()
         _remove_abandoned(self.path)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
@@ -221,6 +222,9 @@ class ControlServer:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if os.getpid() != self._owner:  # the parent goes on listening
+            self._socket.close()
+            return
         self._socket.shutdown(socket.SHUT_RDWR)
         self._socket.close()
         self._thread.join(1)

@@ -1,6 +1,8 @@
 """The keys by which a served card is steered: what can be read and set, and what is refused."""
 
 import socket
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -132,3 +134,26 @@ def test_looks_and_packets_from_many_threads_take_turns():
             observer.join()
         assert not wrong
         assert int(card.inputs) == 0xA5A5A5A5
+
+
+FORK = """
+import os, sys
+from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.emulator.control import ControlServer, Controls, ask
+from hostmot2.emulator.ethernet import EthernetServer
+board = EmulatedBoard("7i92+7i77")
+with EthernetServer(board) as server, ControlServer(sys.argv[1], Controls(board, server)):
+    child = os.fork()
+    if not child:
+        sys.exit(3)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), ask(sys.argv[1], "get", "requests"))
+"""
+
+
+def test_a_forked_child_that_leaves_the_block_leaves_the_socket_to_its_parent(tmp_path):
+    path = tmp_path / "control"
+    done = subprocess.run(
+        [sys.executable, "-c", FORK, str(path)], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.stdout == "3 0\n", done.stderr
+    assert not path.exists()
