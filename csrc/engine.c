@@ -205,6 +205,7 @@ static void prepare(struct hm2_engine *engine)
 	engine->overruns_in_a_row = 0;
 	engine->due_ns = engine_now_ns(engine) + engine->config.period_ns;
 	(void)engine_take_outputs(engine); /* what was meant for the last run is not for this one */
+	atomic_fetch_and(&engine->requests, ~ENGINE_REQUEST_ENABLE);
 	for (uint32_t i = 0; i < engine->port_count; i++) {
 		atomic_store(&engine->ports[i].state, HM2_PORT_RUNNING);
 		engine->ports[i].leaving = 0;
@@ -284,4 +285,7 @@ void hm2_engine_abandon(struct hm2_engine *engine)
 {
 	atomic_store(&engine->running, 0);
 	engine->status.running = 0;
+	shared_words_abandon(&engine->shared); /* or whoever looks would wait for a thread that is not there */
+	shared_words_abandon(&engine->trace.shared);
+	engine_publish(engine);
 }

@@ -33,6 +33,12 @@ static inline void shared_words_end(shared_words *shared)
 	atomic_store_explicit(&shared->writes, writes + 1, memory_order_release);
 }
 
+/* Where the writer is gone for ever, perhaps in the middle of a write. */
+static inline void shared_words_abandon(shared_words *shared)
+{
+	atomic_fetch_add(&shared->writes, atomic_load(&shared->writes) & 1);
+}
+
 /* 1: `words` are those of one moment. 0: a write came in between. */
 static inline int shared_words_try(const shared_words *shared, size_t at, uint64_t *words, size_t count)
 {

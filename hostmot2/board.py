@@ -71,6 +71,7 @@ class Board:
         self._parts: dict[str, Any] = {}
         self._restore: list[tuple[int, int, Callable[[], object]]] = []
         self._safe_off: list[tuple[int, int, Callable[[], object]]] = []
+        self._safe_off_count = 0
         self._owner = os.getpid()
         self._closing = False
         self._closed = True  # until there is something to close
@@ -196,7 +197,12 @@ class Board:
 
         Actions of one order run in reverse order of registration. All run, even if some fail.
         """
-        self._safe_off.append((order, -len(self._safe_off), action))
+        self._safe_off_count += 1
+        self._safe_off.append((order, -self._safe_off_count, action))
+
+    def forget_on_close(self, action: Callable[[], object]) -> None:
+        """Do not call `action` any more."""
+        self._safe_off = [entry for entry in self._safe_off if entry[2] != action]
 
     def on_restore(self, action: Callable[[], object], order: int = SafeOff.SESSION) -> None:
         """Call `action` when the card's configuration must be written anew; in order of registration.

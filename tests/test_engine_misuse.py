@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ctypes
+import gc
 import os
 import subprocess
 import sys
 import threading
 import time
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +97,80 @@ def test_stopping_elsewhere_ends_the_users_loop_with_an_error() -> None:
         with pytest.raises(EngineError, match="not running"):
             for _ in engine.frames(seconds=60):
                 pass
+
+
+def test_ctrl_c_while_it_stops_leaves_nothing_running(
+    board: Any, emulated: EmulatedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    for place in ("hostmot2.engine.restart.Restarter.stop", "hostmot2.engine.engine.Engine._take_events"):
+        engine = board.engine(restart_ports=1).start()
+        engine.outputs["analogena"] = 1
+        assert run(engine, 3).sent["analogena"] == 1
+        with monkeypatch.context() as context:
+            context.setattr(place, interrupted)
+            with pytest.raises(KeyboardInterrupt):
+                engine.stop()
+        engine.stop()
+        assert (engine.running, board.cycle.engine) == (False, None)
+        emulated.advance(1000.0)
+        assert not emulated.sserial[0].remote(1).get("analogena")
+        with pytest.raises(EngineError):
+            engine.write()
+
+
+def test_an_engine_that_is_over_is_not_kept_by_its_board(board: Any) -> None:
+    with board.engine() as engine:
+        run(engine, 3)
+    gone = weakref.ref(engine)
+    del engine
+    gc.collect()
+    assert gone() is None
+
+
+FORKS = """
+import os, signal, threading
+import hostmot2
+from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.errors import EngineError
+board = hostmot2.open(EmulatedBoard("5i25+7i77", sserial_channels=2))
+board.watchdog.timeout = 5
+board.card("7i77").start()
+running, over = board.engine(1000, dead_man=0).start(), board.engine(500)
+held, release = threading.Event(), threading.Event()
+def hold():
+    with running._lock, over._lock:
+        held.set()
+        release.wait()
+holder = threading.Thread(target=hold)
+holder.start()
+held.wait()
+child = os.fork()
+if not child:
+    signal.alarm(20)  # ends one that waits for ever
+    for engine in (running, over):
+        engine.events(), repr(engine), engine.slowest(), engine.stop()
+        try:
+            engine.write()
+        except EngineError:
+            continue
+        os._exit(1)
+    os._exit(running.running or running.status.running)
+status = os.waitpid(child, 0)[1]
+release.set()
+holder.join()
+print("child", os.waitstatus_to_exitcode(status), "parent", running.running)
+board.close()
+"""
+
+
+def test_a_forked_child_does_not_wait_for_a_thread_that_had_the_engine() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", FORKS], cwd=ROOT, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.stdout == "child 0 parent True\n", done.stderr
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from hostmot2.sserial import SserialPort
 
 WAIT_NS = 50_000_000
-_running: weakref.WeakSet[Engine] = weakref.WeakSet()
+_made: weakref.WeakSet[Engine] = weakref.WeakSet()
 
 
 class Engine(EngineView):
@@ -75,6 +75,7 @@ class Engine(EngineView):
         self._plan = Plan(new_config(board, rate, **options), self._ports, self._vectors)
         self._restarter: Restarter | None = None
         self._pid = os.getpid()
+        _made.add(self)
 
     # -- what it is made of
 
@@ -207,8 +208,8 @@ class Engine(EngineView):
                 self._give_back()
                 raise
             cycle.engine = self
+            self.board.on_close(self.stop, SafeOff.SESSION)
             self._started = True
-            _running.add(self)
             try:
                 self._launch()
                 cycle.arm_watchdog()
@@ -225,7 +226,6 @@ class Engine(EngineView):
             port.take()  # before the cycle is looked at: its first time makes it part of that
         if not self.handle:
             self.handle, self._kept = build(self._plan, self.board.handle, self.board.cycle.handle)
-            self.board.on_close(self.stop, SafeOff.SESSION)
 
     def _give_back(self) -> None:
         for port in self._ports:
@@ -243,23 +243,34 @@ class Engine(EngineView):
         with self.board.lock, self._lock:
             if not self._started:
                 return
-            self._started = False
-            if self._restarter is not None:
-                self._restarter.stop()
-                self._restarter = None
             try:
-                lib.hm2_engine_stop(self.handle)
+                if self._restarter is not None:
+                    self._restarter.stop()
             finally:
-                self._let_go()
+                try:
+                    lib.hm2_engine_stop(self.handle)
+                finally:
+                    self._let_go()
 
     def _let_go(self) -> None:
+        """Ctrl-C before `_started` is off: stop() is called again, and each part of it may be done twice."""
+        self._restarter = None
         self._take_events()
-        _running.discard(self)
-        self.board.cycle.engine = None
         self._give_back()
         self._vectors.clear()
+        self.board.cycle.engine = None
+        self.board.forget_on_close(self.stop)
+        self._started = False
         if self._has_watchdog and not self.board.watchdog.has_bitten:
             self.board.watchdog.relax()
+
+    def _disown(self) -> None:
+        lock: Any = self._lock
+        if not lock._is_owned():
+            lock._at_fork_reinit()
+        if self.handle:
+            lib.hm2_engine_abandon(self.handle)
+        self._started = False
 
     def step(self) -> Frame:
         """One cycle, on a card with virtual time. Raises EngineError elsewhere, and when not started."""
@@ -360,11 +371,9 @@ def _running_ports(board: Board) -> list[PortData]:
 
 
 def _after_fork() -> None:
-    """The thread and the card are the parent's."""
-    for engine in list(_running):
-        lib.hm2_engine_abandon(engine.handle)
-        engine._started = False
-    _running.clear()
+    """The thread and the card are the parent's, and so is a thread that had an engine locked."""
+    for engine in list(_made):
+        engine._disown()
 
 
 os.register_at_fork(after_in_child=_after_fork)

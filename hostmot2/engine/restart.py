@@ -47,6 +47,8 @@ class Restarter:
             # whoever closes the board holds its lock and waits for this thread to end
             if self._engine.board.lock.acquire(timeout=LOOK_SECONDS):
                 try:
+                    if self._end.is_set() or not self._engine.running:
+                        return
                     self.left[number] -= 1
                     self._restart(number)
                 finally:

@@ -6,6 +6,7 @@
 #include "check.h"
 #include "engine_words.h"
 #include "hm2.h"
+#include "engine.h"
 #include "mailbox.h"
 
 enum { PERIOD_NS = 1000000 };
@@ -319,13 +320,33 @@ static void test_a_port_is_lent_when_its_doit_is_over(void)
 	tear_down();
 }
 
+static void test_what_is_enabled_before_a_start_stays_off(void)
+{
+	const hm2_engine_config config = calm();
+	build(&config);
+	for (int i = 0; i < 2; i++) {
+		hm2_engine_enable(rig.engine);
+		CHECK_EQUAL(hm2_engine_start(rig.engine, NULL, NULL), HM2_OK);
+		CHECK_EQUAL(step(3).off, HM2_OFF_IDLE);
+		hm2_engine_stop(rig.engine);
+	}
+	tear_down();
+}
+
 /* In a forked child: nothing is the child's to stop. */
 static void test_an_abandoned_engine_stops_nothing(void)
 {
 	const hm2_engine_config config = calm();
 	build(&config);
 	start();
+	shared_words_begin(&rig.engine->shared); /* the fork came in the middle of a write */
+	shared_words_begin(&rig.engine->trace.shared);
 	hm2_engine_abandon(rig.engine);
+	hm2_engine_status status;
+	hm2_record slowest;
+	hm2_engine_read(rig.engine, &status, NULL, NULL);
+	CHECK_EQUAL(status.running, 0);
+	CHECK_EQUAL(hm2_engine_slowest(rig.engine, &slowest, 1), 1);
 	hm2_engine_stop(rig.engine);
 	CHECK_EQUAL(rig.mailbox.words[OUT / 4], 7);
 	CHECK_EQUAL(hm2_engine_step(rig.engine, NULL), HM2_ERR_BUSY);
@@ -346,6 +367,7 @@ int main(void)
 	test_without_a_limit_a_port_is_never_given_up();
 	test_only_a_fault_of_the_remote_itself_turns_outputs_off();
 	test_a_port_is_lent_when_its_doit_is_over();
+	test_what_is_enabled_before_a_start_stays_off();
 	test_an_abandoned_engine_stops_nothing();
 	return CHECK_RESULT();
 }
