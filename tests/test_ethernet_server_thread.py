@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import select
 import socket
 import subprocess
 import sys
@@ -98,3 +99,26 @@ def test_there_is_one_thread_and_python_does_not_know_it():
             assert threading.active_count() == threads
             assert len(sys._current_frames()) == frames
         assert tasks() == before
+
+
+@pytest.mark.parametrize("wait", ["02", "06"])
+def test_a_packet_that_waits_keeps_nobody_from_the_card(wait: str):
+    """Its time passes on the card as on any other, for microseconds or for an edge."""
+    limit = "01d10400ffff"  # timers, WAIT_LIMIT
+    request = bytes.fromhex(limit + f"30d1{wait}00" + "ffff" * 48 + "01420001")  # three seconds
+    with (
+        EmulatedBoard("7i92+7i77", clock="real") as board,
+        EthernetServer(board) as server,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client,
+    ):
+        client.connect(("127.0.0.1", server.port))
+        client.settimeout(60)
+        client.send(request)
+        while not server.counters.requests:
+            time.sleep(0.001)
+        time.sleep(0.2)  # it is waiting by now
+        for _ in range(20):
+            board.sync()
+        time.sleep(0.1)  # an answer that was held up by the above only would be there
+        assert not select.select([client], [], [], 0)[0], "nobody's turn before the answer"
+        assert client.recv(2048)

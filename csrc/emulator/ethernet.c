@@ -30,13 +30,27 @@ void ethernet_wait_us(struct hm2_ethernet *ethernet, int64_t us)
 {
 	const struct timespec time = {.tv_sec = us / 1000000, .tv_nsec = us % 1000000 * 1000};
 
-	if (ethernet->card.pause_us) {
+	leave(ethernet);
+	if (ethernet->card.pause_us)
 		ethernet->card.pause_us(ethernet->card.self, us);
-		return;
+	else
+		clock_nanosleep(CLOCK_MONOTONIC, 0, &time, NULL);
+	enter(ethernet);
+}
+
+int64_t ethernet_wait_edge(struct hm2_ethernet *ethernet, int line, uint32_t timeout_us)
+{
+	int64_t waited = -1;
+
+	if (!ethernet->card.wait_edge) {
+		if (timeout_us)
+			ethernet_wait_us(ethernet, timeout_us);
+		return waited;
 	}
 	leave(ethernet);
-	clock_nanosleep(CLOCK_MONOTONIC, 0, &time, NULL);
+	waited = ethernet->card.wait_edge(ethernet->card.self, line, timeout_us);
 	enter(ethernet);
+	return waited;
 }
 
 static void plain_read(void *self, uint32_t address, uint32_t *words, size_t count)

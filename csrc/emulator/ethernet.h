@@ -78,6 +78,8 @@ size_t ethernet_handle(struct hm2_ethernet *ethernet, const uint8_t *request, si
 void ethernet_sent(struct hm2_ethernet *ethernet);
 /* The card's lock is let go meanwhile. */
 void ethernet_wait_us(struct hm2_ethernet *ethernet, int64_t us);
+/* What the card's wait_edge says; -1 from one that has none. */
+int64_t ethernet_wait_edge(struct hm2_ethernet *ethernet, int line, uint32_t timeout_us);
 
 /* One element of a memory space: 0, or the error flag (HM2_LBP16_ERROR_*) that it raises. */
 int ethernet_space_read(struct hm2_ethernet *ethernet, int space, uint16_t address, uint32_t *value);

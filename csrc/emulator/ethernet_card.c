@@ -41,28 +41,28 @@ static void card_pause_us(void *self, int64_t us)
 	card_touch(self);
 }
 
-/* A real clock runs by itself; sleeping would miss the edge by more than the wait is good for. */
-static void pass_one_us(struct hm2_emulator *card)
+/* A moment in which the card is held: whoever else wants it comes between two of them. */
+static int64_t last_edge(struct hm2_emulator *card, int line, int64_t *now_ps)
 {
-	if (card->options.clock == HM2_CLOCK_VIRTUAL)
-		hm2_emulator_advance_ps(card, 1000000);
-	else
-		hm2_emulator_sync(card);
+	CARD_HOLD(card);
+	hm2_emulator_sync(card);
+	*now_ps = card->now_ps;
+	return dpll_last_event(card, line, card->clock);
 }
 
+/* A real clock runs by itself; sleeping would miss the edge by more than the wait is good for. */
 static int64_t card_wait_edge(void *self, int line, uint32_t timeout_us)
 {
 	struct hm2_emulator *card = self;
-	int64_t start_ps, before, waited_us = 0;
+	int64_t start_ps, now_ps, waited_us = 0;
+	const int64_t before = last_edge(card, line, &start_ps);
 
-	hm2_emulator_sync(card);
-	start_ps = card->now_ps;
-	before = dpll_last_event(card, line, card->clock);
 	while (waited_us < timeout_us) {
-		pass_one_us(card);
-		waited_us = (card->now_ps - start_ps) / 1000000;
-		if (dpll_last_event(card, line, card->clock) != before)
-			return waited_us;
+		if (card->options.clock == HM2_CLOCK_VIRTUAL)
+			hm2_emulator_advance_ps(card, 1000000);
+		if (last_edge(card, line, &now_ps) != before)
+			return (now_ps - start_ps) / 1000000;
+		waited_us = (now_ps - start_ps) / 1000000;
 	}
 	return -1;
 }

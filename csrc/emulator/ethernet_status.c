@@ -6,12 +6,8 @@ static uint16_t wait_line(struct hm2_ethernet *ethernet, uint16_t address)
 {
 	const uint32_t timeout_us = ethernet->timers[HM2_LBP16_TIMER_WAIT_LIMIT / 2];
 	const int line = (address - HM2_LBP16_TIMER_WAIT_REFERENCE) / 2; /* 0 reference, 1..4 */
-	int64_t waited = -1;
+	int64_t waited = ethernet_wait_edge(ethernet, line, timeout_us);
 
-	if (ethernet->card.wait_edge)
-		waited = ethernet->card.wait_edge(ethernet->card.self, line, timeout_us);
-	else if (timeout_us)
-		ethernet_wait_us(ethernet, timeout_us);
 	if (waited < 0) {
 		ethernet->status[STATUS_ERRORS] |= HM2_LBP16_ERROR_WAIT_TIMEOUT;
 		waited = timeout_us;
