@@ -57,8 +57,8 @@ int hm2_engine_set_pid(struct hm2_engine *engine, uint32_t axis, const hm2_pid *
 {
 	if (axis >= engine->axis_count)
 		return refuse(error, engine->axis_count, axis);
-	if (!atomic_load(&engine->running)) {
-		engine_take_settings(engine); /* older ones that came too late for the thread */
+	if (!engine->status.running) {
+		engine_take_settings(engine); /* older ones that no cycle came for */
 		set_settings(&engine->axes[axis].pid, settings);
 		return HM2_OK;
 	}

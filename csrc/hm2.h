@@ -1512,7 +1512,8 @@ int hm2_engine_add_control(struct hm2_engine *engine, hm2_control control, void 
 int hm2_engine_add_pid(struct hm2_engine *engine, const hm2_pid *settings, int32_t command,
                        int32_t command_velocity, int32_t feedback, int32_t feedback_velocity, int32_t output,
                        hm2_error *error);
-/* New settings of an axis, from the next cycle on. HM2_ERR_BUSY: the last ones have not been taken yet. */
+/* New settings of an axis, from the next cycle on. HM2_ERR_BUSY: the last ones have not been taken yet. Not while another
+ * thread starts or stops the engine. */
 int hm2_engine_set_pid(struct hm2_engine *engine, uint32_t axis, const hm2_pid *settings, hm2_error *error);
 const hm2_pid *hm2_engine_pid(const struct hm2_engine *engine, uint32_t axis);
 /* One record per cycle from now on; NULL: none. Before start. image_words: room for the register image. */

@@ -96,7 +96,7 @@ class Axis:
         error = new_error()
         end = time.monotonic() + MAILBOX_SECONDS
         while True:
-            with self._engine._lock:  # without a thread of its own a step is at work meanwhile
+            with self._engine._lock:  # it neither starts nor stops meanwhile
                 status = lib.hm2_engine_set_pid(self._engine.handle, self.number, pid, error)
             if status != lib.HM2_ERR_BUSY:
                 check(status, error)

@@ -195,9 +195,12 @@ static void test_an_axis_needs_numbers_that_exist(void)
 	for (int i = 0; i < HM2_ENGINE_AXES; i++)
 		CHECK_EQUAL(hm2_engine_add_pid(engine, &pid, 0, i ? -1 : 0, 0, i ? -1 : 1, 1, &error), HM2_OK);
 	check_range(hm2_engine_add_pid(engine, &pid, 0, -1, 0, -1, 1, &error), HM2_ENGINE_AXES, HM2_ENGINE_AXES);
+	CHECK_EQUAL(hm2_engine_set_pid(engine, 1, &new_pid, &error), HM2_OK);
+	CHECK_EQUAL(hm2_engine_set_pid(engine, 0, &new_pid, &error), HM2_OK); /* nobody uses them */
+	CHECK(hm2_engine_pid(engine, 0)->p == 3.0 && hm2_engine_pid(engine, 1)->p == 3.0);
+	CHECK_EQUAL(hm2_engine_start(engine, NULL, NULL), HM2_OK);
 	CHECK_EQUAL(hm2_engine_set_pid(engine, HM2_ENGINE_AXES - 1, &new_pid, &error), HM2_OK);
 	CHECK_EQUAL(hm2_engine_set_pid(engine, 0, &new_pid, &error), HM2_ERR_BUSY); /* one at a time */
-	CHECK_EQUAL(hm2_engine_start(engine, NULL, NULL), HM2_OK);
 	CHECK(hm2_engine_pid(engine, HM2_ENGINE_AXES - 1)->p == 2.0);
 	(void)step(1);
 	CHECK(hm2_engine_pid(engine, HM2_ENGINE_AXES - 1)->p == 3.0);
