@@ -88,7 +88,7 @@ def _served() -> Iterator[hostmot2.Board]:
         EthernetServer(
             card, spin_us=SPIN_US, fifo_priority=host.engine_priority(), cpu=host.other()
         ) as server,
-        hostmot2.open(server.start().url) as board,
+        hostmot2.open(f"{server.start().url}?error_limit=0") as board,
     ):
         board.watchdog.timeout = WATCHDOG_SECONDS
         board.card("7i77").start()

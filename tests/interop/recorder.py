@@ -118,6 +118,18 @@ class Recorder:
         self._stopping = threading.Event()
         self._watcher = threading.Thread(target=self._watch, daemon=True)
 
+    def __enter__(self) -> Recorder:
+        self.load()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._stopping.set()
+        self._watcher.join()
+        self._process.terminate()
+        self._process.wait()
+
     def load(self) -> None:
         """Before the thread starts."""
         kinds = "s" + "uubb" + "s" * ENCODERS
@@ -168,9 +180,7 @@ class Recorder:
         """The thread has been stopped. Datagrams the card got and sent meanwhile."""
         self._stopping.set()
         self._watcher.join()
-        time.sleep(0.5)
-        self._process.terminate()
-        self._process.wait()
+        time.sleep(0.5)  # until the sampler has written the last ones
         requests, replies = (round(self._served.get(key)) for key in ("requests", "replies"))
         return requests - self._requests, replies - self._replies
 

@@ -186,22 +186,9 @@ def test_a_minute_at_1_khz_without_a_fault_of_the_card(network, tmp_path):
 def minute(network, directory, witness) -> tuple[Verdict, int]:
     """One run, every cycle of it recorded."""
     with ServedCard(network, directory) as card, Hal(network, directory) as hal, witness:
-        recorder = Recorder(hal, CARD, card, directory)
         load(hal, watchdog_ms=WATCHDOG * 1e3)
-        recorder.load()
-        go(hal)
-        plant = Plant(hal, card)
-        plant.enable()
-        end = time.monotonic() + SECONDS
-        while time.monotonic() < end:
-            plant.round()
-            recorder.look()
-        # an error that stops LinuxCNC lets the card's watchdog bite, unseen by it: the encoders' select pin
-        # floats, and meanwhile the first encoder of each pair counts the second one's lines, as on hardware
-        if not recorder.recoveries:
-            plant.counts_right()
-        hal.halcmd("stop")
-        requests, replies = recorder.stop()
+        with Recorder(hal, CARD, card, directory) as recorder:
+            requests, replies, rounds = record(hal, card, recorder)
     cycles = recorder.cycles()
     assert len(cycles) > SECONDS * 990
     verdict = judge(cycles, recorder.start_time(cycles), witness.stalls)
@@ -209,7 +196,24 @@ def minute(network, directory, witness) -> tuple[Verdict, int]:
     assert not wrong, f"replies with a count that the encoder never had, in cycles {wrong[:10]}"
     if not recorder.recoveries:  # who stops LinuxCNC makes it silent until it is told to go on
         assert (requests, replies) == (2 * len(cycles), len(cycles))  # none lost, none answered twice
-    return verdict, plant.rounds
+    return verdict, rounds
+
+
+def record(hal, card, recorder) -> tuple[int, int, int]:
+    """The minute itself: datagrams that the card got and sent in it, rounds of values."""
+    go(hal)
+    plant = Plant(hal, card)
+    plant.enable()
+    end = time.monotonic() + SECONDS
+    while time.monotonic() < end:
+        plant.round()
+        recorder.look()
+    # an error that stops LinuxCNC lets the card's watchdog bite, unseen by it: the encoders' select pin
+    # floats, and meanwhile the first encoder of each pair counts the second one's lines, as on hardware
+    if not recorder.recoveries:
+        plant.counts_right()
+    hal.halcmd("stop")
+    return *recorder.stop(), plant.rounds
 
 
 STEPS_PER_SECOND = 5000
