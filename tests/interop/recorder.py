@@ -42,6 +42,8 @@ Short ones add up."""
 RESTARTING = LOST_UNTIL_STOPPED + 1
 """Cycles: told to go on, LinuxCNC writes everything anew, misses replies meanwhile, and finds that the card's
 watchdog has bitten and cut off the remotes. Whether all of it comes back the plant's rounds tell."""
+NOTICED = 100
+"""Cycles: a bite while LinuxCNC was stopped is known by the first reply that is not missed again."""
 BEFORE, AFTER = 0.003, 0.001
 """Seconds: an error is reported up to so long after its stall began to matter, and known to so much."""
 
@@ -240,9 +242,10 @@ def judge(cycles: list[Cycle], start: float, stalls: list[Stall]) -> Verdict:
     for number in range(1, len(cycles)):
         before, cycle = cycles[number - 1 : number + 1]
         wrong = _rises(before, cycle)
-        if not wrong or any(earlier.stopped for earlier in cycles[max(0, number - RESTARTING) : number]):
-            continue
         bitten = cycle.problems[BITTEN] > before.problems[BITTEN]
+        lately = cycles[max(0, number - (NOTICED if bitten else RESTARTING)) : number]
+        if not wrong or any(earlier.stopped for earlier in lately):
+            continue
         if bites[number] >= BITE if bitten else lost[number] >= LEAST:
             explained += 1
         else:
