@@ -19,8 +19,9 @@ PAGE = FOLDER.parent / "promises.md"
 SOURCES = {
     "interrupts": "python -m tests.faults.interrupts --count 10000 "
     "-o docs/reference/promises/interrupts.json",
-    "forks": "python -m tests.faults.forks --seconds 480 -o docs/reference/promises/forks.json",
-    "endings": "python -m tests.faults.endings --seconds 480 -o docs/reference/promises/endings.json",
+    "forks": "python -m tests.faults.forks --count 10000 -o docs/reference/promises/forks.json",
+    "endings": "python -m tests.faults.endings --count 10000 --seconds 840 --seed 2 "
+    "-o docs/reference/promises/endings.json",
     "kills": "python -m tests.faults.kills -o docs/reference/promises/kills.json",
     "soak": "python -m tests.faults.soak --seconds 600 --real-time -o docs/reference/promises/soak.json",
 }
