@@ -100,7 +100,7 @@ def _rounds(rounds: int) -> tuple[list[list[int]], list[list[int]], list[int]]:
                 theirs.append(_their_times(hal, linuxcnc.CARD, directory / "samples"))
                 failed[0] += round(linuxcnc.faults(hal)["packet-error-total"])
             _open_again(network)
-            found = _our_loop(network, machine.CARD_IP)
+            found = _our_loop(network, machine.CARD_IP, machine.HOST_CPU)
             ours.append(found["ns"])
             failed[1] += found["failures"]
     return theirs, ours, failed
@@ -141,8 +141,8 @@ def _open_again(network: Any) -> None:
     subprocess.run(flush, capture_output=True, check=False)
 
 
-def _our_loop(network: Any, address: str) -> dict[str, Any]:
-    command = [sys.executable, "-c", OUR_LOOP, f"udp://{address}?error_limit=0", str(CYCLES), "-1"]
+def _our_loop(network: Any, address: str, cpu: int) -> dict[str, Any]:
+    command = [sys.executable, "-c", OUR_LOOP, f"udp://{address}?error_limit=0", str(CYCLES), str(cpu)]
     done = subprocess.run(network.in_host(*command), capture_output=True, text=True, timeout=120, check=False)
     if done.returncode:
         raise RuntimeError(f"our loop failed: {done.stderr[-500:]}")
