@@ -12,9 +12,7 @@ static void card_enter(void *self)
 
 static void card_leave(void *self)
 {
-	pthread_mutex_t *lock = &((struct hm2_emulator *)self)->lock;
-
-	card_unlock(&lock);
+	pthread_mutex_unlock(&((struct hm2_emulator *)self)->lock);
 }
 
 static void card_read(void *self, uint32_t address, uint32_t *words, size_t count)

@@ -127,8 +127,7 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._stopping.set()
-        self._watcher.join()
+        self._end_watching()
         self._process.terminate()
         self._process.wait()
 
@@ -167,6 +166,10 @@ class Recorder:
             except (HalError, KeyError):
                 return  # LinuxCNC has gone: whoever ended it knows why
 
+    def _end_watching(self) -> None:
+        self._stopping.set()
+        self._watcher.join()
+
     def _recover_if_stopped(self, port: str, bitten: int) -> None:
         pins = self._hal.pins(self._card)
         stopped = pins[f"{self._card}.io_error"] or pins[f"{self._card}.watchdog.has_bit"]
@@ -180,8 +183,7 @@ class Recorder:
 
     def stop(self) -> tuple[int, int]:
         """The thread has been stopped. Datagrams the card got and sent meanwhile."""
-        self._stopping.set()
-        self._watcher.join()
+        self._end_watching()
         time.sleep(0.5)  # until the sampler has written the last ones
         requests, replies = (round(self._served.get(key)) for key in ("requests", "replies"))
         return requests - self._requests, replies - self._replies
