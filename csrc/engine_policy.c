@@ -98,6 +98,7 @@ static void judge_port(struct hm2_engine *engine, uint32_t number)
 	if (engine->status.port_state[number] != HM2_PORT_RUNNING) {
 		engine->status.port_state[number] = HM2_PORT_RUNNING;
 		port->level = engine->status.port_level[number] = 0;
+		port->port->hidden_in_a_row = 0;
 		engine_event(engine, HM2_EVENT_PORT_BACK, (int)number, 0, 0, NULL);
 	}
 	const int news = sserial_cyclic_news(port->port, &requested, &failed);
@@ -107,6 +108,7 @@ static void judge_port(struct hm2_engine *engine, uint32_t number)
 	if (port->level < 0)
 		port->level = 0;
 	engine->status.port_level[number] = port->level;
+	engine->status.port_stale[number] = port->port->hidden_in_a_row;
 	if (port->leaving) {
 		if (news < 0 || --port->leaving == 0)
 			leave(engine, number);
@@ -133,6 +135,17 @@ void hm2_engine_port_back(struct hm2_engine *engine, uint32_t port)
 	atomic_store_explicit(&engine->ports[port].state, HM2_PORT_RUNNING, memory_order_release);
 }
 
+/* A network may lose every other exchange, those with a DOIT: none of them in a row, and yet a port's inputs are old. */
+static int is_stale(const struct hm2_engine *engine)
+{
+	const hm2_engine_status *now = &engine->status;
+	const int32_t limit = engine->config.stale_limit;
+	int stale = now->stale >= limit;
+	for (uint32_t i = 0; i < engine->port_count; i++)
+		stale |= now->port_stale[i] >= limit;
+	return limit && stale;
+}
+
 /* Enabling looks at nothing but the request: what still holds turns outputs off again before they are sent. */
 void engine_judge_outputs(struct hm2_engine *engine, int fresh)
 {
@@ -151,7 +164,7 @@ void engine_judge_outputs(struct hm2_engine *engine, int fresh)
 	if (engine->config.dead_man_ns && engine->status.outputs_age_ns > engine->config.dead_man_ns &&
 	    !(engine->status.off & HM2_OFF_IDLE))
 		engine_off(engine, HM2_OFF_DEAD_MAN);
-	if (engine->config.stale_limit && engine->status.stale >= engine->config.stale_limit)
+	if (is_stale(engine))
 		engine_off(engine, HM2_OFF_STALE);
 	if (hm2_board_gate_is_shut(engine->board))
 		engine_off(engine, HM2_OFF_BITE);

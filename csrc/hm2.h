@@ -1462,7 +1462,7 @@ typedef struct hm2_engine_config {
 	int64_t dead_man_ns;     /* outputs must be written within it; 0: never */
 	int32_t style;           /* enum hm2_engine_style */
 	int32_t virtual_time;    /* 1: time passes by hm2_board_pause_ns, as fast as it goes */
-	int32_t stale_limit;     /* failed exchanges in a row that turn outputs off; 0: never */
+	int32_t stale_limit;     /* failed exchanges, or hidden results of a port, in a row that turn outputs off; 0: never */
 	int32_t overrun;         /* enum hm2_engine_overrun */
 	int32_t overrun_limit;   /* overruns in a row that turn outputs off; 0: never */
 	int32_t fault_increment; /* a port's bucket: for a result with a failed channel, */
@@ -1495,6 +1495,7 @@ typedef struct hm2_engine_status {
 	int32_t running;
 	int32_t port_level[4]; /* fault buckets */
 	int32_t port_state[4]; /* enum hm2_engine_port_state; HM2_PORT_RUNNING while lent */
+	int32_t port_stale[4]; /* hidden results in a row: the port's inputs are those before */
 } hm2_engine_status;
 
 void hm2_engine_defaults(hm2_engine_config *config);

@@ -104,6 +104,8 @@ class EngineStatus:
     port_levels: tuple[int, ...]
     """Fault buckets of the ports."""
     ports_given_up: tuple[bool, ...]
+    ports_stale: tuple[int, ...]
+    """Results of the ports, in a row, that might have been old ones and were not taken."""
 
 
 def event_of(event: Any) -> Event:
@@ -136,4 +138,5 @@ def status_of(status: Any, ports: int) -> EngineStatus:
         bool(status.running),
         tuple(status.port_level)[:ports],
         tuple(bool(state) for state in status.port_state)[:ports],
+        tuple(status.port_stale)[:ports],
     )

@@ -255,6 +255,27 @@ static void test_failed_transfers_fill_the_bucket_that_good_ones_empty(void)
 	tear_down();
 }
 
+/* Exchanges succeed, and none of them brings a result that could be taken. */
+static void test_results_that_stay_hidden_turn_outputs_off_as_lost_exchanges_do(void)
+{
+	hm2_engine_config config = calm();
+	config.stale_limit = 3;
+	build(&config);
+	start_port();
+	rig.mailbox.words[DATA / 4] = 0xFF; /* the answer to no DOIT on two channels */
+	CHECK_EQUAL(step(2).port_stale[0], 2);
+	CHECK_EQUAL(step(0).off, 0);
+	CHECK_EQUAL(step(1).off, HM2_OFF_STALE);
+	CHECK_EQUAL(step(0).stale, 0);
+	CHECK_EQUAL(step(0).port_level[0], 0);
+	rig.mailbox.words[DATA / 4] = 0;
+	CHECK_EQUAL(step(2).port_stale[0], 0);
+	CHECK_EQUAL(step(0).off, HM2_OFF_STALE); /* until enabled */
+	hm2_engine_enable(rig.engine);
+	CHECK_EQUAL(step(1).off, 0);
+	tear_down();
+}
+
 static void test_without_a_limit_a_port_is_never_given_up(void)
 {
 	hm2_engine_config config = calm();
@@ -364,6 +385,7 @@ int main(void)
 	test_as_many_overruns_in_a_row_as_are_allowed();
 	test_a_hung_doit_gives_its_port_up_and_the_others_run_on();
 	test_failed_transfers_fill_the_bucket_that_good_ones_empty();
+	test_results_that_stay_hidden_turn_outputs_off_as_lost_exchanges_do();
 	test_without_a_limit_a_port_is_never_given_up();
 	test_only_a_fault_of_the_remote_itself_turns_outputs_off();
 	test_a_port_is_lent_when_its_doit_is_over();
