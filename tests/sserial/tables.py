@@ -1,5 +1,6 @@
 """Tables of remotes as bytes, written down plainly for tests (sserial.md 5.1)."""
 
+import re
 import struct
 
 PAD, BITS, UNSIGNED, SIGNED, NV_UNSIGNED, NV_SIGNED, STREAM, BOOLEAN, ENCODER = range(9)
@@ -44,4 +45,4 @@ class Memory:
 
     def used(self):
         """As the emulated remote takes it: address to byte, where there is something."""
-        return {address: byte for address, byte in enumerate(self.bytes) if byte}
+        return {found.start(): found[0][0] for found in re.finditer(rb"[^\0]", self.bytes)}
