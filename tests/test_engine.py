@@ -332,6 +332,7 @@ def test_exceeding_the_following_error_turns_everything_off(board: Any) -> None:
     axis = engine.add_pid("x", feedback="encoder0.position", output="analogout0", p=1, max_error=0.5)
     with engine:
         engine.outputs["analogena"] = 1
+        axis.position = 0.0
         assert run(engine, 3).off == 0
         axis.position = 0.4
         assert run(engine, 2).off == 0

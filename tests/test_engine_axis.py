@@ -7,6 +7,7 @@ import pytest
 
 import hostmot2
 from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.engine import Off
 
 
 @pytest.fixture
@@ -52,6 +53,32 @@ def test_a_commanded_velocity_is_fed_forward(engine: Any) -> None:
         engine.enable()
         step(engine, 3)
         assert axis.output == pytest.approx(2.0 * axis.error + 0.5 * 4.0)
+
+
+def test_nothing_goes_out_before_it_is_said_where_an_axis_shall_be_not_even_in_the_next_run(
+    engine: Any,
+) -> None:
+    """An axis that stands at 5 must not run to 0 because a program enables before it says a position."""
+    axis = axis_of(engine)
+    with engine:
+        for act in (engine.write, engine.enable):
+            with pytest.raises(ValueError, match=r"x\.position; .* say where each axis shall be"):
+                act()
+        step(engine, 2)
+        assert engine.off == Off.IDLE
+        axis.position = 5.0
+        engine.enable()
+        step(engine, 2)
+        assert engine.off == 0
+    with engine:
+        engine.outputs["analogena"] = 1
+        with pytest.raises(ValueError, match=r"x\.position"):
+            engine.enable()
+        step(engine, 2)
+        assert engine.off == Off.IDLE
+        axis.position = float("inf")
+        with pytest.raises(ValueError, match=r"x\.position"):
+            engine.write()
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,7 @@ def test_what_drives_is_refused_when_it_is_over_and_what_tells_still_tells(board
     engine = board.engine()
     axis = engine.add_pid("x", feedback="encoder0.position", output="analogout0", p=1.0)
     with engine:
+        axis.position = 0.0
         run(engine, 20)
     for attempt in (
         engine.write,

@@ -47,7 +47,8 @@ class Axis:
     """One axis: a PID with feed-forward that the engine runs each cycle.
 
     Set `position` (and `velocity`, unless the controller shall take it from the difference), then
-    Engine.write(). Exceeding max_error turns all outputs off.
+    Engine.write(), which raises ValueError as long as no position was set since the engine was made or last
+    stopped. Exceeding max_error turns all outputs off.
     """
 
     def __init__(self, engine: Engine, number: int, name: str, with_velocity: bool, pid: Any) -> None:
@@ -60,7 +61,7 @@ class Axis:
 
     @property
     def position(self) -> float:
-        """Where to be, in units of the feedback."""
+        """Where to be, in units of the feedback. Not a number until it is set."""
         return self._engine.outputs[f"{self.name}.position"]
 
     @position.setter

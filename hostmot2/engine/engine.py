@@ -151,7 +151,7 @@ class Engine(EngineView):
             readings[feedback_velocity]
         self.outputs.index(output)
         pid = pid_of(settings)
-        self.add_command(f"{name}.position")
+        self._vectors.add_position(f"{name}.position")
         if velocity_command:
             self.add_command(f"{name}.velocity")
         axis = Axis(self, len(self._plan.axes), name, velocity_command, pid)

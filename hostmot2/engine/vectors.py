@@ -38,6 +38,7 @@ class Vectors:
         names = Names(each.name for each in self.outputs)
         self.commands = Commands(names, np.zeros(len(names)))
         """What is to go out, by name."""
+        self._positions: list[int] = []
         self._name()
         self.commands.array[self._has_mirror] = self._mirrored[self._has_mirror]
 
@@ -65,6 +66,12 @@ class Vectors:
         self.outputs.append(Signal(name, hold=True))
         self._name()
 
+    def add_position(self, name: str) -> None:
+        """A command with no value until it is given one: nobody but the user knows where an axis shall be."""
+        self.add_command(name)
+        self._positions.append(len(self.outputs) - 1)
+        self.commands.array[self._positions] = np.nan
+
     def take_commands(self) -> Doubles:
         """What shall go out: of the commands and what was told to cards, whatever has changed.
 
@@ -77,10 +84,14 @@ class Vectors:
         array[changed] = theirs[changed]
         if not np.isfinite(array).all():
             bad = [name for name, value in self.commands.items() if not np.isfinite(value)]
-            raise ValueError(f"not a number: {', '.join(bad)}")
+            raise ValueError(f"not a number: {', '.join(bad)}{self._say_where(bad)}")
         lib.hm2_signals_store(self._mirrors_out, count, doubles(array))
         self._mirrored[:] = array
         return array
+
+    def _say_where(self, names: list[str]) -> str:
+        axes = {list(self.output_names)[index] for index in self._positions}.intersection(names)
+        return "; before outputs can go on, say where each axis shall be" if axes else ""
 
     def show(self, inputs: Doubles) -> None:
         """Let the board's channels show what was read."""
@@ -89,6 +100,7 @@ class Vectors:
             port.show_counts()
 
     def clear(self) -> None:
-        """All commands zero. What cards were told is zero then, too."""
+        """All commands zero, but for positions: those are to be given anew. What cards were told is zero, too."""
         self.commands.array[:] = 0.0
+        self.commands.array[self._positions] = np.nan
         self._mirrored[:] = 0.0
