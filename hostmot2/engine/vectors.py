@@ -100,7 +100,7 @@ class Vectors:
             port.show_counts()
 
     def clear(self) -> None:
-        """All commands zero, but for positions: those are to be given anew. What cards were told is zero, too."""
+        """All commands zero, but positions, which are to be given anew. What cards were told is zero, too."""
         self.commands.array[:] = 0.0
         self.commands.array[self._positions] = np.nan
         self._mirrored[:] = 0.0
