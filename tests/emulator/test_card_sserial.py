@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from hostmot2._core import lib
 from hostmot2.emulator import EmulatedBoard, EmulatedRemote
 from hostmot2.emulator.cards import CARD_NAMES, card
 
@@ -51,6 +52,28 @@ def test_an_attached_remote_answers_without_pins() -> None:
     card.sserial[0].detach(2)
     assert card.sserial[0].remote(2) is None
     assert start(card, 0x04) & 0x04
+
+
+class CardsOnly:
+    """The core, without what reaches into a remote whatever its card does meanwhile."""
+
+    def __getattr__(self, name: str) -> object:
+        assert name not in ("hm2_remote_peek", "hm2_remote_poke")
+        return getattr(lib, name)
+
+
+def test_a_remotes_memory_is_its_cards_while_it_hangs_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thread that looks comes between two accesses of the host."""
+    card, remote = board(sserial_channels=4), EmulatedRemote(name="7I84", receive_size=5, transmit_size=4)
+    card.sserial[0].attach(2, remote)
+    with monkeypatch.context() as context:
+        context.setattr("hostmot2.emulator.remote.lib", CardsOnly())
+        remote.poke(0x200, b"\x12\x34")
+        assert remote.peek(0x200, 2) == b"\x12\x34"
+        card.sserial[0].detach(2)
+        with pytest.raises(AssertionError):
+            remote.peek(0x200, 2)
+    assert remote.peek(0x200, 2) == b"\x12\x34"
 
 
 def test_the_daughter_cards_remotes_need_switched_pins() -> None:
