@@ -141,8 +141,9 @@ static void test_a_pipelined_doit_that_never_ends_is_dug_out(void)
 	mailbox_free(&box);
 }
 
-/* The network kept it for longer than its limit and lets it go just before the look. */
-static void test_a_pipelined_doit_that_begins_late_is_waited_for(void)
+/* A pipelined DOIT whose exchange did not come back. The network lets it go just before the next look, long after its
+ * limit. */
+static void in_doubt(int64_t takes_ns)
 {
 	uint32_t requested;
 	start(1000, DOIT_NS);
@@ -152,7 +153,13 @@ static void test_a_pipelined_doit_that_begins_late_is_waited_for(void)
 	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), HM2_ERR_IO);
 	box.now_ns += 4 * MOST_NS + 1;
 	box.words[COMMAND / 4] = 0x1001;
-	box.done_ns = box.now_ns + DOIT_NS;
+	box.done_ns = box.now_ns + takes_ns;
+}
+
+static void test_a_pipelined_doit_that_begins_late_is_waited_for(void)
+{
+	uint32_t requested;
+	in_doubt(DOIT_NS);
 	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), HM2_ERR_BUSY);
 	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_TOO_SOON);
 	box.now_ns += DOIT_NS;
@@ -161,22 +168,62 @@ static void test_a_pipelined_doit_that_begins_late_is_waited_for(void)
 	mailbox_free(&box);
 }
 
-/* Behind the port in the cycle's list: what makes the exchange impossible once all have been asked. */
-static int shuts_the_gate, asks_for_too_much;
+/* By any other command as well. */
+static void test_a_command_waits_for_a_doit_that_begins_late(void)
+{
+	in_doubt(DOIT_NS);
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 1, &box.error), 0);
+	CHECK_EQUAL(hm2_sserial_started(box.port), 1);
+	mailbox_free(&box);
+}
+
+/* It has the time of a DOIT once, not with each look. */
+static void test_one_that_begins_late_and_never_ends_is_dug_out(void)
+{
+	uint32_t requested;
+	in_doubt(1000 * MOST_NS);
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), HM2_ERR_BUSY);
+	box.now_ns += 4 * MOST_NS + 1;
+	CHECK_EQUAL(hm2_sserial_cycle(box.port, 1, &requested, &box.error), HM2_ERR_TIMEOUT);
+	CHECK_EQUAL(hm2_sserial_started(box.port), 0);
+	mailbox_free(&box);
+}
+
+/* What ends a cycle before the bus sees it, when its port has been asked already: the part behind it in the list, or an
+ * exchange that this thread has not finished. */
+enum spoiling { ASKS_FOR_TOO_MUCH, SHUTS_THE_GATE, BETWEEN, SPOILINGS };
+static enum spoiling spoiling;
+static int spoils;
 
 static size_t spoil(void *self, hm2_transfer *transfers, size_t capacity)
 {
 	(void)self;
 	(void)transfers;
-	if (shuts_the_gate)
+	if (spoils && spoiling == SHUTS_THE_GATE)
 		hm2_board_set_gate(box.board, 1);
-	return asks_for_too_much ? capacity + 1 : 0;
+	return spoils && spoiling == ASKS_FOR_TOO_MUCH ? capacity + 1 : 0;
+}
+
+static void run_spoiled(struct hm2_cycle *cycle)
+{
+	const int statuses[SPOILINGS] = {HM2_ERR_RANGE, HM2_ERR_GATED, HM2_ERR_BUSY};
+	uint32_t word;
+	const hm2_transfer other = {0x100, 1, HM2_TRANSFER_READ, &word};
+	if (spoiling == BETWEEN)
+		CHECK_EQUAL(hm2_begin(box.board, &other, 1, NULL), HM2_OK);
+	spoils = 1;
+	CHECK_EQUAL(hm2_cycle_run(cycle, NULL), statuses[spoiling]);
+	spoils = 0;
+	if (spoiling == BETWEEN)
+		CHECK_EQUAL(hm2_finish(box.board, box.now_ns, NULL), HM2_OK);
+	hm2_board_set_gate(box.board, 0);
+	box.now_ns += MOST_NS;
 }
 
 static void test_a_cycle_that_never_got_to_the_bus_has_brought_no_inputs(void)
 {
 	const hm2_cyclic spoiler = {NULL, NULL, spoil, NULL};
-	for (int gate = 0; gate < 2; gate++) {
+	for (spoiling = 0; spoiling < SPOILINGS; spoiling++) {
 		uint32_t requested;
 		hm2_cyclic part;
 		struct hm2_cycle *cycle;
@@ -186,11 +233,7 @@ static void test_a_cycle_that_never_got_to_the_bus_has_brought_no_inputs(void)
 		CHECK_EQUAL(hm2_cycle_add(cycle, &part, NULL), HM2_OK);
 		CHECK_EQUAL(hm2_cycle_add(cycle, &spoiler, NULL), HM2_OK);
 		hm2_sserial_set_cyclic(box.port, 1);
-		*(gate ? &shuts_the_gate : &asks_for_too_much) = 1;
-		CHECK_EQUAL(hm2_cycle_run(cycle, NULL), gate ? HM2_ERR_GATED : HM2_ERR_RANGE);
-		shuts_the_gate = asks_for_too_much = 0;
-		hm2_board_set_gate(box.board, 0);
-		box.now_ns += MOST_NS;
+		run_spoiled(cycle);
 		CHECK_EQUAL(hm2_cycle_run(cycle, NULL), HM2_OK);
 		(void)hm2_sserial_cyclic_result(box.port, &requested, NULL);
 		CHECK_EQUAL(requested, 0);
@@ -213,6 +256,8 @@ int main(void)
 	test_a_doit_is_never_written_over_one_at_work();
 	test_a_pipelined_doit_that_never_ends_is_dug_out();
 	test_a_pipelined_doit_that_begins_late_is_waited_for();
+	test_a_command_waits_for_a_doit_that_begins_late();
+	test_one_that_begins_late_and_never_ends_is_dug_out();
 	test_a_cycle_that_never_got_to_the_bus_has_brought_no_inputs();
 	return CHECK_RESULT();
 }
