@@ -2,6 +2,7 @@
  * ports given up, taken back and lent, late cycles, lost events. */
 #include <math.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "check.h"
 #include "engine_words.h"
@@ -276,6 +277,30 @@ static void test_results_that_stay_hidden_turn_outputs_off_as_lost_exchanges_do(
 	tear_down();
 }
 
+/* Neither those of the last run nor those from before the port was given up. */
+static void test_hidden_results_of_before_do_not_count(void)
+{
+	hm2_engine_config config = calm();
+	config.stale_limit = 5;
+	build(&config);
+	start_port();
+	rig.mailbox.words[DATA / 4] = 0xFF;
+	CHECK_EQUAL(step(4).port_stale[0], 4);
+	hm2_engine_stop(rig.engine);
+	CHECK_EQUAL(hm2_engine_start(rig.engine, NULL, NULL), HM2_OK);
+	CHECK_EQUAL(step(1).port_stale[0], 1);
+	CHECK_EQUAL(step(3).port_stale[0], 4);
+	rig.mailbox.completes = never;
+	CHECK_EQUAL(step(5).port_state[0], HM2_PORT_GIVEN_UP);
+	rig.mailbox.completes = always;
+	rig.mailbox.words[DATA / 4] = 0;
+	(void)hm2_sserial_reset(rig.mailbox.port, NULL);
+	CHECK_EQUAL(hm2_sserial_start(rig.mailbox.port, 0x03, HM2_SSERIAL_NORMAL, NULL), 0);
+	hm2_engine_port_back(rig.engine, 0);
+	CHECK_EQUAL(step(1).port_stale[0], 0);
+	tear_down();
+}
+
 static void test_without_a_limit_a_port_is_never_given_up(void)
 {
 	hm2_engine_config config = calm();
@@ -365,9 +390,11 @@ static void test_an_abandoned_engine_stops_nothing(void)
 	hm2_engine_abandon(rig.engine);
 	hm2_engine_status status;
 	hm2_record slowest;
+	alarm(20); /* ends one that waits for the writer for ever */
 	hm2_engine_read(rig.engine, &status, NULL, NULL);
 	CHECK_EQUAL(status.running, 0);
 	CHECK_EQUAL(hm2_engine_slowest(rig.engine, &slowest, 1), 1);
+	alarm(0);
 	hm2_engine_stop(rig.engine);
 	CHECK_EQUAL(rig.mailbox.words[OUT / 4], 7);
 	CHECK_EQUAL(hm2_engine_step(rig.engine, NULL), HM2_ERR_BUSY);
@@ -386,6 +413,7 @@ int main(void)
 	test_a_hung_doit_gives_its_port_up_and_the_others_run_on();
 	test_failed_transfers_fill_the_bucket_that_good_ones_empty();
 	test_results_that_stay_hidden_turn_outputs_off_as_lost_exchanges_do();
+	test_hidden_results_of_before_do_not_count();
 	test_without_a_limit_a_port_is_never_given_up();
 	test_only_a_fault_of_the_remote_itself_turns_outputs_off();
 	test_a_port_is_lent_when_its_doit_is_over();

@@ -209,6 +209,25 @@ static void test_an_axis_needs_numbers_that_exist(void)
 	close_engine();
 }
 
+/* An engine that was abandoned has no cycle that could take them. */
+static void test_settings_that_no_cycle_took_are_not_put_over_later_ones(void)
+{
+	double values[3] = {0, 0, 0};
+	const hm2_signal input = {&values[0], HM2_SIGNAL_F64, -1, 0};
+	const hm2_signal outputs[] = {{&values[1], HM2_SIGNAL_F64, -1, 0}, {&values[2], HM2_SIGNAL_F64, -1, 0}};
+	const hm2_pid pid = {.p = 2.0}, older = {.p = 3.0}, newer = {.p = 4.0};
+	CHECK_EQUAL(open_engine(&input, 1, outputs, 2), HM2_OK);
+	CHECK_EQUAL(hm2_engine_add_pid(engine, &pid, 0, -1, 0, -1, 1, &error), HM2_OK);
+	CHECK_EQUAL(hm2_engine_start(engine, NULL, NULL), HM2_OK);
+	CHECK_EQUAL(hm2_engine_set_pid(engine, 0, &older, &error), HM2_OK);
+	hm2_engine_abandon(engine);
+	CHECK_EQUAL(hm2_engine_set_pid(engine, 0, &newer, &error), HM2_OK);
+	CHECK_EQUAL(hm2_engine_start(engine, NULL, NULL), HM2_OK);
+	(void)step(1);
+	CHECK(hm2_engine_pid(engine, 0)->p == 4.0);
+	close_engine();
+}
+
 /* ---- records ---- */
 
 enum { IMAGE_WORDS = 3 };
@@ -314,6 +333,7 @@ int main(void)
 	test_controllers_are_taken_until_there_is_no_room();
 	test_no_number_of_a_controller_goes_out();
 	test_an_axis_needs_numbers_that_exist();
+	test_settings_that_no_cycle_took_are_not_put_over_later_ones();
 	test_a_record_holds_as_many_words_as_there_is_room_for();
 	test_rings_that_cannot_be();
 	test_the_slowest_cycles_are_kept();
