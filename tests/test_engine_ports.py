@@ -12,6 +12,7 @@ import hostmot2
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.catalog import remote
 from hostmot2.engine import EventKind, Off
+from hostmot2.engine.restart import Restarter
 from hostmot2.errors import EngineError
 
 
@@ -176,6 +177,18 @@ def test_a_remote_that_stays_away_is_told_and_the_rest_goes_on(board: Any, emula
         before = run(engine, 1)["encoder0.raw_count"]
         assert run(engine, 10)["encoder0.raw_count"] - before == 1000
     assert len(engine.restart_problems) == 2
+
+
+def test_a_port_is_not_started_anew_for_an_engine_that_is_over(board: Any, emulated: EmulatedBoard) -> None:
+    """Who stops it may have come first, while the thread that saw the port given up waited for the board."""
+    with board.engine(fault_bucket=(10, 1, 50)) as engine:
+        emulated.sserial[0].remote(1).inject(bad_crc=100)
+        while not engine.status.ports_given_up[0]:
+            run(engine, 1)
+        late = Restarter(engine, 1, threaded=False)
+    assert engine.status.ports_given_up == (True,)
+    late.look()
+    assert late.left == {0: 1}
 
 
 def test_in_real_time_a_thread_starts_the_port_while_the_cycle_goes_on() -> None:
