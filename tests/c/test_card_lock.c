@@ -1,6 +1,6 @@
 /* Who looks at a served card comes between two packets: whatever reaches its registers or the memory of a remote that
  * hangs on it, from a packet or from an observer, has the card's own lock meanwhile. */
-/* link: -Wl,--wrap=card_read_words -Wl,--wrap=card_write_words -Wl,--wrap=hm2_remote_peek -Wl,--wrap=hm2_remote_poke */
+/* link: -Wl,--wrap=card_lock -Wl,--wrap=card_read_words -Wl,--wrap=card_write_words -Wl,--wrap=hm2_remote_peek -Wl,--wrap=hm2_remote_poke */
 #include <pthread.h>
 #include <string.h>
 
@@ -9,7 +9,15 @@
 #include "hm2.h"
 
 static hm2_emulator *card;
-static int reads, writes, peeks, pokes;
+static int locks, reads, writes, peeks, pokes;
+
+pthread_mutex_t *__real_card_lock(const struct hm2_emulator *self);
+pthread_mutex_t *__wrap_card_lock(const struct hm2_emulator *self);
+pthread_mutex_t *__wrap_card_lock(const struct hm2_emulator *self)
+{
+	locks++;
+	return __real_card_lock(self);
+}
 
 static void *try_lock(void *argument)
 {
@@ -121,9 +129,20 @@ static void test_an_observer_of_a_remote_has_the_card(void)
 	hm2_remote_free(remote);
 }
 
+static void test_a_look_at_the_leds_takes_the_card(void)
+{
+	open_card();
+	locks = 0;
+	CHECK_EQUAL(hm2_emulator_leds(card), 0);
+	CHECK_EQUAL(locks, 1);
+	CHECK(others_may());
+	hm2_emulator_free(card);
+}
+
 int main(void)
 {
 	test_a_packet_has_the_card_for_all_of_its_accesses();
 	test_an_observer_of_a_remote_has_the_card();
+	test_a_look_at_the_leds_takes_the_card();
 	return CHECK_RESULT();
 }
