@@ -194,3 +194,26 @@ def test_decoded_selects_are_the_same_module() -> None:
         board.bspis[0].setup(0, bits=8, frequency=1e6, chip_select=3)
         emulated.bspi(0).answer([9])
         assert board.bspis[0].transfer([(0, 5)]) == [9]
+
+
+@pytest.mark.parametrize("count", [0, 17])
+def test_a_frame_the_fifo_cannot_hold_is_refused(
+    board: Board, monkeypatch: pytest.MonkeyPatch, count: int
+) -> None:
+    spi = board.bspis[1]
+    spi.setup(0, bits=16, frequency=10e6, chip_select=0)
+    words = written(board, monkeypatch)
+    with pytest.raises(ValueError, match=f"16 words in a frame, not {count}"):
+        spi.frame([0] * count)
+    with pytest.raises(ValueError, match="channel 3 is not set up"):
+        spi.frame([0, 3])
+    board.cycle.run()
+    assert not any(address >> 8 == BASE >> 8 for address in words), "no word was sent"
+
+
+def test_it_prints_the_channels_in_use(board: Board) -> None:
+    spi = board.bspis[1]
+    for channel in (7, 2):
+        spi.setup(channel, bits=8, frequency=1e6, chip_select=0)
+    assert len(spi.frame([2, 7, 2])) == 3
+    assert repr(spi) == "<Bspi 1 channels [2, 7]>"

@@ -12,6 +12,9 @@ from hostmot2 import errors
 from hostmot2.board import Board
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.idrom import HostMot2Warning
+from hostmot2.registers import Gtag
+from tests.emulator.test_engine_skips import CARD as PROBE
+from tests.modules.module_card import ModuleWords, module_card, pin, written
 
 
 @pytest.fixture
@@ -232,3 +235,76 @@ def test_zero_is_where_it_stands(board: Board, emulated: EmulatedBoard) -> None:
     emulated.encoder_input(0).run(edge_period_ns=2000.0, counts=7)
     cycles(board, emulated, 3)
     assert encoder.count == 7
+
+
+def test_a_probe_latches_at_the_edge_that_was_asked() -> None:
+    emulated = EmulatedBoard(PROBE, clock="virtual")
+    emulated.encoder_input(0).set(a=0, b=0, z=0)
+    emulated.pin(33).drive(1)
+    with hostmot2.open(emulated) as board:
+        encoder = board.encoders[0]
+        encoder.probe_rising = False
+        assert encoder.probe_rising is False
+        cycles(board, emulated, 2)
+        emulated.encoder_input(0).run(edge_period_ns=2000.0, counts=50)
+        cycles(board, emulated, 2)
+        encoder.latch_probe()
+        cycles(board, emulated, 2)
+        assert encoder.latching
+        emulated.pin(33).drive(0)
+        cycles(board, emulated, 2)
+        assert not encoder.latching
+        assert (encoder.events, encoder.latched_count) == (1, 50)
+
+
+def test_a_neighbours_register_is_not_taken_for_a_timer_selection() -> None:
+    emulated = EmulatedBoard(PROBE, clock="virtual")  # where plain encoders would have it, others count
+    with hostmot2.open(emulated) as board:
+        plain = board.encoders.modules[0]
+        assert not plain.multiplexed
+        with pytest.raises(errors.UnsupportedFirmware, match="cannot be sampled"):
+            plain.timer = 1
+        assert plain.timer is None
+        assert repr(board.encoders).splitlines()[7].startswith("<Encoder 7 count 0 position 0 ")
+
+
+SAMPLED = module_card(
+    ModuleWords(Gtag.DPLL, 0x7000, 7),
+    ModuleWords(Gtag.MUXED_ENCODER, 0x3500, 5, instances=2, version=4, multiple=3),
+    ModuleWords(Gtag.MUXED_ENCODER_SELECT, 0, 0),
+    pins=(
+        *(pin(Gtag.MUXED_ENCODER, number) for number in (1, 2, 3)),
+        pin(Gtag.MUXED_ENCODER_SELECT, 0x81),
+    ),
+)
+FILTER, SELECT = 0x3900, 0x3A00
+
+
+def test_sampling_by_a_timer_and_after_a_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    with hostmot2.open(EmulatedBoard(SAMPLED, clock="virtual")) as board:
+        (module,) = board.encoders.modules
+        words = written(board, monkeypatch)
+        module.timer = 3
+        assert words[SELECT] == 3 << 12 | 1 << 15
+        module.timer = None
+        assert words[SELECT] == 0
+        module.skew = 70e-9
+        assert words[FILTER] >> 28 == 7
+        words.clear()
+        for number in (-1, 5):
+            with pytest.raises(ValueError, match=f"DPLL timer {number} "):
+                module.timer = number
+        for seconds in (-10e-9, 160e-9):
+            with pytest.raises(ValueError, match=f"skew {seconds} s is outside"):
+                module.skew = seconds
+        assert (module.timer, module.skew, words) == (None, pytest.approx(70e-9), {})
+
+
+@pytest.mark.parametrize(("rate", "divider"), [(100e6, 0xFFF), (50e6, 0), (100e6 / 2049, 0x7FF)])
+def test_filter_rates_up_to_the_clock(monkeypatch: pytest.MonkeyPatch, rate: float, divider: int) -> None:
+    with hostmot2.open(EmulatedBoard(SAMPLED, clock="virtual")) as board:
+        (module,) = board.encoders.modules
+        words = written(board, monkeypatch)
+        module.filter_rate = rate
+        assert words[FILTER] & 0xFFF == divider
+        assert module.filter_rate == pytest.approx(rate)

@@ -182,3 +182,14 @@ def test_settings_are_back_after_a_bite(board: Board, emulated: EmulatedBoard) -
     emulated.write(0x8600, 0)
     board.watchdog.acknowledge()
     assert emulated.read(0x8600) == 1
+
+
+def test_it_prints_what_is_on(board: Board, emulated: EmulatedBoard) -> None:
+    inputs = board.inms[0]
+    assert len(inputs) == 8
+    assert repr(inputs) == "<Inms 0 on: none>"
+    for number in (1, 3):
+        emulated.pin(number).drive(0)
+    emulated.advance(10 * SCAN_US)
+    board.cycle.run()
+    assert repr(inputs) == "<Inms 0 on: 1 3>"

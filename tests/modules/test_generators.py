@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -251,3 +252,14 @@ def test_the_loop_settles_on_the_exchanges(board: Board, emulated: EmulatedBoard
     run(board, emulated, 400)
     assert abs(dpll.phase_error) < 20e-6
     assert "1000 Hz" in repr(dpll)
+
+
+def test_firmware_that_can_swaps_step_and_direction(monkeypatch: pytest.MonkeyPatch) -> None:
+    modules = tuple(replace(m, version=0x42) if m.gtag == STEPGEN else m for m in CARD.modules)
+    with hostmot2.open(EmulatedBoard(replace(CARD, modules=modules), clock="virtual")) as board:
+        stepgen = board.stepgens[1]
+        seen = written(board, monkeypatch)
+        stepgen.swap_outputs()
+        swapped = seen[STEP + 0x204]
+        stepgen.swap_outputs(False)
+        assert swapped ^ seen[STEP + 0x204] == 1 << 2

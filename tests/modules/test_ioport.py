@@ -95,3 +95,16 @@ def test_leds_are_lit_from_bit_31_down(board: Board, emulated: EmulatedBoard) ->
     board.leds[0] = True
     assert "CR01=on CR02=off" in repr(board.leds)
     assert len(board.leds) == 2
+
+
+def test_what_the_port_holds_can_be_asked(board: Board) -> None:
+    pin = board.gpio[17]
+    ports, place = board.ioport, pin.descriptor
+    assert (ports.is_output(place), ports.is_open_drain(place)) == (False, False)
+    pin.drive(True, open_drain=True)
+    assert (ports.is_output(place), ports.is_open_drain(place), ports.latch(place)) == (True, True, True)
+    pin.set(False)
+    assert ports.latch(place) is False
+    pin.let_go()
+    assert (ports.is_output(place), ports.is_open_drain(place)) == (False, False)
+    assert len(board.gpio) == len(board.pins) == 34

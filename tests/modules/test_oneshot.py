@@ -174,3 +174,27 @@ def test_off_behind_a_bite(board: Board, emulated: EmulatedBoard) -> None:
     assert emulated.pin(OUT_1).level == "H"
     timer.enable = True
     assert emulated.pin(OUT_1).level == "0", "the old pulse is over"
+
+
+@pytest.mark.parametrize("number", [-1, 5, 8])
+def test_a_dpll_timer_that_is_not_there_is_refused(
+    board: Board, emulated: EmulatedBoard, number: int
+) -> None:
+    timer = board.oneshots[0].timers[0]
+    timer.dpll_timer = 4
+    before = emulated.read(CONTROL)
+    with pytest.raises(ValueError, match=f"no DPLL timer {number}"):
+        timer.dpll_timer = number
+    assert timer.dpll_timer == 4
+    assert emulated.read(CONTROL) == before
+
+
+def test_a_disabled_timers_pin_is_driven_no_more(board: Board, emulated: EmulatedBoard) -> None:
+    first, second = board.oneshots[0].timers
+    first.enable = second.enable = True
+    assert (emulated.pin(OUT_1).level, emulated.pin(OUT_2).level) == ("0", "0")
+    first.enable = False
+    assert (emulated.pin(OUT_1).level, emulated.pin(OUT_2).level) == ("H", "0")
+    assert repr(board.oneshots[0]) == "<Oneshot 0 timers off, on>"
+    first.enable = True
+    assert emulated.pin(OUT_1).level == "0"

@@ -132,3 +132,11 @@ def test_off_behind_a_bite(board: Board, emulated: EmulatedBoard, group: str, fi
     assert emulated.read(data) == 0
     outputs.enable = True
     assert emulated.pin(first).level == "1"
+
+
+def test_they_print_what_is_wanted_and_whether_it_is_out(board: Board) -> None:
+    outputs = board.outms[1]
+    outputs[1] = True
+    assert repr(outputs) == "<Outm 1 off 0=off 1=on 2=off>"
+    outputs.enable = True
+    assert repr(outputs) == "<Outm 1 enabled 0=off 1=on 2=off>"

@@ -149,3 +149,13 @@ def test_inverted_and_by_hand(board: Board, emulated: EmulatedBoard) -> None:
     assert meter.period == pytest.approx(100e-6)
     assert meter.width == pytest.approx(30e-6)
     assert not meter.input
+
+
+def test_it_prints_a_frequency_or_that_there_is_none(board: Board, emulated: EmulatedBoard) -> None:
+    meter = board.periods[1]
+    assert repr(meter) == "<Period 1 no signal>"
+    emulated.period(1).run(1000.0)
+    for _ in range(5):
+        emulated.advance(2000.0)
+        board.cycle.run()
+    assert repr(meter) == "<Period 1 1000 Hz>"

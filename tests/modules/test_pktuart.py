@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -188,3 +189,20 @@ def test_set_up_again_after_a_bite_with_its_pins_off(
     board.watchdog.acknowledge()
     assert words[TX + 0x200] == round(9600 * 2**24 / CLOCK_LOW)
     assert emulated.pin(DRIVE).level == "H"
+
+
+@pytest.mark.parametrize("call", [lambda uart: uart.send(b"x"), lambda uart: uart.read()])
+def test_nothing_before_setup(
+    board: Board, monkeypatch: pytest.MonkeyPatch, call: Callable[[Any], object]
+) -> None:
+    uarts = board.pktuarts
+    words = written(board, monkeypatch)
+    with pytest.raises(ValueError, match="pktuart 1: call setup first"):
+        call(uarts[1])
+    assert words == {}
+
+
+def test_they_print_their_rates(board: Board) -> None:
+    assert len(board.pktuarts) == 2
+    board.pktuarts[0].setup(9600)
+    assert repr(board.pktuarts).splitlines() == ["<Pktuart 0 9602 baud>", "<Pktuart 1 not set up>"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -105,3 +106,27 @@ def test_a_bite_leaves_it_off_until_enabled_again(board: Board, emulated: Emulat
     board.rcpwms[0].enable = True
     emulated.advance(1_000.0)
     assert emulated.pin(0).level in "01"
+
+
+@pytest.mark.parametrize("name", ["scale", "offset"])
+def test_a_setting_that_is_no_number_is_refused(board: Board, name: str) -> None:
+    servo = board.rcpwms[2]
+    before = getattr(servo, name)
+    with pytest.raises(ValueError, match=f"rcpwm 2: {name} inf"):
+        setattr(servo, name, float("inf"))
+    assert getattr(servo, name) == before
+
+
+def test_a_fast_clock_cannot_pulse_as_slowly_as_the_sheet_allows() -> None:
+    card = replace(CARD, clock_low=200_000_000)
+    with hostmot2.open(EmulatedBoard(card, clock="virtual")) as board:
+        with pytest.raises(ValueError, match=r"0\.02 Hz: the slowest here is 0\.0466 Hz"):
+            board.rcpwms.frequency = 0.02
+        assert board.rcpwms.frequency == 50.0
+        board.rcpwms.frequency = 0.0466 + 0.0001
+
+
+def test_it_prints_width_and_state(board: Board) -> None:
+    assert repr(board.rcpwms[1]) == "<Rcpwm 1 off 0 ms>"
+    board.rcpwms[1].enable = True
+    assert repr(board.rcpwms).splitlines()[1] == "<Rcpwm 1 on 1.5 ms>"

@@ -152,3 +152,32 @@ def test_the_excitation_is_set_again_after_a_bite(
     words = written(board, monkeypatch)
     board.watchdog.acknowledge()
     assert words[BASE] == 0x803
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("scale", 0.0),
+        ("scale", float("nan")),
+        ("scale", float("inf")),
+        ("index_divisor", 0),
+        ("index_divisor", 1001),
+        ("index_divisor", -1),
+    ],
+)
+def test_a_wrong_setting_is_refused_and_changes_nothing(board: Board, name: str, wrong: float) -> None:
+    resolver = board.resolvers[3]
+    before = getattr(resolver, name)
+    with pytest.raises(ValueError, match=f"resolver 3: .*{wrong}"):
+        setattr(resolver, name, wrong)
+    assert getattr(resolver, name) == before
+
+
+def test_it_prints_position_and_angle(board: Board, emulated: EmulatedBoard) -> None:
+    emulated.resolver(2).angle = 0.25
+    board.resolvers[2].scale = 360.0
+    for _ in range(3):
+        emulated.advance(1000.0)
+        board.cycle.run()
+    assert repr(board.resolvers[2]).startswith("<Resolver 2 position ")
+    assert repr(board.resolvers[2]).endswith(" angle 0.250000>")

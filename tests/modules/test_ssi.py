@@ -219,3 +219,31 @@ def test_settings_are_back_after_a_bite_and_gone_after_close(emulated: EmulatedB
         assert emulated.pin(0).level in "01", "the encoder goes on being read"
     assert emulated.read(CONTROL) & 0xFFFF0300 == 0
     assert emulated.pin(0).level == "H"
+
+
+@pytest.mark.parametrize("number", [-1, 5])
+def test_a_timer_that_is_not_there_is_refused(board: Board, emulated: EmulatedBoard, number: int) -> None:
+    encoder = board.ssis[1]
+    with pytest.raises(ValueError, match=f"no DPLL timer {number}"):
+        encoder.start("position%24u", timer=number)
+    assert not encoder.is_running
+    assert emulated.read(CONTROL + 4) == 0
+
+
+@pytest.mark.parametrize("wrong", [0.0, float("nan"), float("inf")])
+def test_a_scale_that_cannot_divide_is_refused(board: Board, wrong: float) -> None:
+    encoder = board.ssis[2]
+    encoder.scale = -4096.0
+    with pytest.raises(ValueError, match=f"SSI 2: scale {wrong}"):
+        encoder.scale = wrong
+    assert encoder.scale == -4096.0
+
+
+def test_it_prints_no_value_before_a_reading(board: Board, emulated: EmulatedBoard) -> None:
+    encoder = board.ssis[0]
+    encoder.start("position%24u")
+    assert repr(encoder) == "<Ssi 0 no reading>"
+    emulated.ssi(0).value = 77
+    for _ in range(3):
+        exchange(board, emulated)
+    assert repr(encoder) == "<Ssi 0 {'position': 77}>"

@@ -170,3 +170,47 @@ def test_off_behind_a_bite(board: Board, emulated: EmulatedBoard) -> None:
     assert emulated.read(ENABLE + 4) == 0
     assert {emulated.pin(8 + n).level for n in range(7)} == {"H"}
     assert not board.tp_pwms[1].enable
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("scale", 0.0),
+        ("scale", math.nan),
+        ("scale", -math.inf),
+        ("sample_time", -0.01),
+        ("sample_time", 1.01),
+        ("sample_time", math.nan),
+    ],
+)
+def test_a_wrong_setting_is_refused_and_changes_nothing(
+    board: Board, words: dict[int, int], name: str, wrong: float
+) -> None:
+    pwm = board.tp_pwms[1]
+    before = getattr(pwm, name)
+    words.clear()
+    with pytest.raises(ValueError, match=f"three-phase PWM 1: .*{wrong}"):
+        setattr(pwm, name, wrong)
+    assert getattr(pwm, name) == before
+    assert words == {}
+
+
+def test_the_sample_point_and_the_scale(board: Board, words: dict[int, int]) -> None:
+    pwm = board.tp_pwms[0]
+    pwm.sample_time = 0.25
+    assert words[SETUP] >> 16 & 0x7FF == 512
+    pwm.enable = True
+    pwm.a = 1.0
+    pwm.scale = 2.0
+    assert pwm.word() & 0x3FF == 768, "half of what it was"
+
+
+def test_it_prints_its_state(board: Board, emulated: EmulatedBoard) -> None:
+    pwm = board.tp_pwms[1]
+    assert repr(pwm).startswith("<TpPwm 1 off")
+    pwm.enable = True
+    assert repr(pwm).startswith("<TpPwm 1 on")
+    emulated.pin(FAULT + 8).drive(0)
+    emulated.advance(10.0)
+    board.cycle.run()
+    assert repr(pwm).startswith("<TpPwm 1 FAULT")

@@ -146,3 +146,23 @@ def test_set_up_again_after_a_bite_with_its_pins_off(board: Board, emulated: Emu
     board.watchdog.acknowledge()
     assert emulated.read(TX + 0x200) == round(115200 * 2**20 / CLOCK_LOW)
     assert emulated.pin(0).level == "H"
+
+
+def test_a_transmitter_alone_sends_and_cannot_read() -> None:
+    card = module_card(
+        ModuleWords(UART_TX, TX, 4, instances=1, strides=0x10, multiple=0xF),
+        pins=(pin(UART_TX, 0x81),),
+        instance_stride=0x10,
+    )
+    with hostmot2.open(EmulatedBoard(card, clock="virtual")) as board:
+        uart = board.uarts[0]
+        uart.setup(9600)
+        uart.send(b"x")
+        with pytest.raises(errors.ModuleMissing, match="uart 0 has no receiver"):
+            uart.read()
+
+
+def test_they_print_their_rates(board: Board) -> None:
+    assert len(board.uarts) == 2
+    board.uarts[1].setup(115200)
+    assert repr(board.uarts).splitlines() == ["<Uart 0 not set up>", "<Uart 1 115204 baud>"]
