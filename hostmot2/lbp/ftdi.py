@@ -100,4 +100,6 @@ def _opening(url: str, failure: Exception) -> Exception:
         if number == errno.EBUSY:
             return AdapterBusy(f"{url}: another program uses it", os_errno=number)
         cause = cause.__cause__ or cause.__context__
+    if "no langid" in str(failure):  # so pyusb puts it that a chip is there and may not be opened
+        return PermissionDenied(f"{url}: {failure}", os_errno=errno.EACCES)
     return AdapterMissing(f"{url}: {failure}")

@@ -12,6 +12,7 @@ from hostmot2.errors import PermissionDenied
 from hostmot2.lbp.errors import AdapterBusy, AdapterMissing, LineSilent
 
 LATENCY_MS = 1
+USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 
 
 class SerialStream:
@@ -79,7 +80,7 @@ def _opening(path: str, failure: serial.SerialException) -> Exception:
 
 def _low_latency(path: str) -> None:
     """FTDI chips hold short answers back for 16 ms unless told otherwise; without the right it stays slow."""
-    timer = Path("/sys/bus/usb-serial/devices") / Path(path).resolve().name / "latency_timer"
+    timer = USB_SERIAL / Path(path).resolve().name / "latency_timer"
     try:
         if int(timer.read_text()) > LATENCY_MS:
             timer.write_text(str(LATENCY_MS))

@@ -7,8 +7,8 @@ is in the remote's memory: whole numbers for the integer types, numbers for FLOA
 from __future__ import annotations
 
 import difflib
-import math
 import struct
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
@@ -20,6 +20,7 @@ from hostmot2.remotes.errors import VerifyFailed
 NONVOLATILE = (FieldKind.NONVOL_UNSIGNED, FieldKind.NONVOL_SIGNED, FieldKind.NONVOL_FLOAT)
 _SIGNED = (FieldKind.SIGNED, FieldKind.NONVOL_SIGNED)
 _FLOAT = (FieldKind.FLOAT, FieldKind.NONVOL_FLOAT)
+_LARGEST_SINGLE = float.fromhex("0x1.fffffep127")
 _TYPE_NAMES = {8: ("BYTE", "BYTE"), 16: ("UINT", "INT"), 32: ("ULONG", "LONG"), 64: ("UDOUBLE", "DOUBLE")}
 
 CLEAR_READS = 1000
@@ -89,7 +90,8 @@ class Parameter:
         """The smallest and largest value it can hold."""
         kind, bits = self.field.kind, self.field.bits
         if kind in _FLOAT:
-            return -math.inf, math.inf
+            largest = _LARGEST_SINGLE if bits == 32 else sys.float_info.max
+            return -largest, largest
         if kind in _SIGNED:
             return -(1 << bits - 1), (1 << bits - 1) - 1
         return 0, (1 << bits) - 1
@@ -187,17 +189,15 @@ class Parameter:
     def encode(self, value: Number) -> int:
         """The bits for a value. ValueError outside the limits, TypeError for a fraction of an integer."""
         kind, bits = self.field.kind, self.field.bits
-        if kind in _FLOAT:
-            packed = struct.pack("<f" if bits == 32 else "<d", value)
-            return int.from_bytes(packed, "little")
-        if isinstance(value, float) and not value.is_integer():
-            raise TypeError(f"{self.name} takes whole numbers, not {value}")
-        if kind is FieldKind.BOOLEAN and value in (0, 1):
-            return (1 << bits) - 1 if value else 0
+        if kind not in _FLOAT:
+            if isinstance(value, float) and not value.is_integer():
+                raise TypeError(f"{self.name} takes whole numbers, not {value}")
+            if kind is FieldKind.BOOLEAN and value in (0, 1):
+                return (1 << bits) - 1 if value else 0
         low, high = self.limits
         if not low <= value <= high:
             raise ValueError(f"{self.name}: {value} is outside {low:.17g}..{high:.17g}")
-        return int(value) & (1 << bits) - 1
+        return self.encode_unchecked(value)
 
     def parse(self, text: str, *, hexadecimal: bool = False) -> Number:
         """The value that a person writes; hexadecimal values are the bits. ValueError, TypeError."""
@@ -208,14 +208,14 @@ class Parameter:
             value = self.decode(raw)
             self.encode(value)
             return value
-        if self.field.kind in _FLOAT:
-            return float(text)
+        is_float = self.field.kind in _FLOAT
         try:
-            whole = int(text, 0)
+            number = float(text) if is_float else int(text, 0)
         except ValueError:
-            raise ValueError(f"{self.name} takes whole numbers, not {text!r}") from None
-        self.encode(whole)
-        return whole
+            kind = "numbers" if is_float else "whole numbers"
+            raise ValueError(f"{self.name} takes {kind}, not {text!r}") from None
+        self.encode(number)
+        return number
 
     def format(self, value: Number, *, hexadecimal: bool = False) -> str:
         """A value for people; hexadecimal: the bits, as wide as the parameter."""
@@ -227,7 +227,8 @@ class Parameter:
     def encode_unchecked(self, value: Number) -> int:
         """The bits of a value that was read, whatever the limits say."""
         if self.field.kind in _FLOAT:
-            return self.encode(value)
+            packed = struct.pack("<f" if self.field.bits == 32 else "<d", value)
+            return int.from_bytes(packed, "little")
         return int(value) & (1 << self.field.bits) - 1
 
     @property

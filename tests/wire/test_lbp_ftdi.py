@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 
 import pytest
+import usb.core
+from usb.core import USBError
 
 from hostmot2 import lbp
-from hostmot2.emulator.ftdi import VirtualFtdi, baud_of_divisor, plug, unplug
+from hostmot2.emulator.ftdi import Backend, VirtualFtdi, baud_of_divisor, get_backend, plug, unplug
+from hostmot2.errors import PermissionDenied
 from hostmot2.lbp.adapters import adapters
+from hostmot2.lbp.ftdi import FtdiStream
 from wire.lines import emulated
 
 
@@ -73,3 +78,43 @@ def test_a_chip_of_another_program_is_busy(chip: VirtualFtdi) -> None:
     chip.kernel_driver, chip.claimed = False, True
     with pytest.raises(lbp.AdapterBusy):
         lbp.open("ftdi:///1")
+
+
+@pytest.mark.parametrize("call", ["open_device", "claim_interface"])
+def test_a_chip_this_user_may_not_use_says_so(
+    chip: VirtualFtdi, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    def refuse(*_arguments: object) -> None:
+        raise USBError("Access denied (insufficient permissions)", -3, errno.EACCES)
+
+    monkeypatch.setattr(Backend, call, refuse)
+    with pytest.raises(PermissionDenied, match=r"^HM2-E012: ftdi:///1: ") as caught:
+        lbp.open("ftdi:///1")
+    assert caught.value.os_errno == errno.EACCES
+
+
+def test_chips_that_cannot_be_listed_are_left_out(chip: VirtualFtdi, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_arguments: object) -> None:
+        raise USBError("no bus", -1, errno.EIO)
+
+    monkeypatch.setattr(Backend, "enumerate_devices", refuse)
+    assert [adapter for adapter in adapters() if adapter.driver == "usb"] == []
+
+
+def test_what_came_unasked_is_thrown_away_and_counted(chip: VirtualFtdi) -> None:
+    stream = FtdiStream("ftdi:///1")
+    assert str(stream) == "ftdi:///1"
+    stream.send(bytes.fromhex("DF 16"))
+    assert stream.receive(1, 1.0) == b"\x5a"
+    stream.send(bytes.fromhex("DF 16"))
+    assert stream.flush() == 3
+    assert stream.receive(1, 0.0) == b""
+    stream.close()
+
+
+def test_pyusb_sees_a_chip_as_the_real_one(chip: VirtualFtdi) -> None:
+    (device,) = usb.core.find(find_all=True, backend=get_backend())
+    assert [len(list(interface)) for configuration in device for interface in configuration] == [2]
+    stream = FtdiStream("ftdi:///1")
+    assert stream._chip.get_latency_timer() == chip.latency_ms == 1
+    stream.close()
