@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any
 
-from hostmot2 import errors
+from hostmot2.errors import ModuleMissing
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
@@ -62,7 +62,7 @@ class Cards:
         cards = self.all(name)
         if 0 <= number < len(cards):
             return cards[number]
-        raise errors.ModuleMissing(
+        raise ModuleMissing(
             f"{self._board.name}: {len(cards)} {name.upper()} found, number {number} is not there. "
             "`hm2 sserial scan` shows what answers on which channel, and why a channel does not"
         )

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 import hostmot2
 from hostmot2 import errors
+from hostmot2.cards.card_7i77 import find_7i77d
 from hostmot2.cards.errors import CardFault
 from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.emulator.cards import GPIO
+from hostmot2.emulator.cards import card as card_description
 from hostmot2.emulator.described import DescribedRemote
 from hostmot2.emulator.plant import couple_dc_motor
+from hostmot2.registers import Gtag
 
 
 @pytest.fixture
@@ -255,3 +260,27 @@ def test_a_fault_of_one_card_drops_its_enables_whichever_card_exchanges() -> Non
         assert (cards[1].analog_enable, cards[1].spindle_enable) == (False, False)
         assert remotes(emulated, 3)[1].get("analogena") is False
         assert remotes(emulated, 0)[1].get("analogena") is True
+
+
+def test_a_7i77d_is_found_when_you_say_so(emulated: EmulatedBoard) -> None:
+    with hostmot2.open(emulated) as board:
+        (card,) = find_7i77d(board)
+        assert (card.name, card.output_type) == ("7I77D", "sinking")
+        card.start()
+        card.analog[3].volts = -2.5
+        assert repr(card.analog[3]) == "<analog output 3 -2.500 V>"
+
+
+def test_firmware_without_encoders_makes_no_7i77_but_says_so() -> None:
+    """The remotes answer, but the card's encoder lines lead nowhere: no axis could be counted."""
+    full = card_description("5i25+7i77")
+    encoders = (Gtag.MUXED_ENCODER, Gtag.MUXED_ENCODER_SELECT)
+    description = replace(
+        full,
+        modules=tuple(module for module in full.modules if module.gtag not in encoders),
+        pins=tuple(GPIO if word >> 8 & 0xFF in encoders else word for word in full.pins),
+    )
+    said = "no encoders for the 7I77 of channel 1"
+    emulated = EmulatedBoard(description, clock="virtual")
+    with hostmot2.open(emulated) as board, pytest.raises(errors.ModuleMissing, match=said):
+        _ = board.card("7i77").encoders

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from typing import Any
+
 import pytest
 
 import hostmot2
+from hostmot2 import errors
 from hostmot2.cards.errors import CardFault
 from hostmot2.emulator import catalog
 from hostmot2.emulator.board import EmulatedBoard
@@ -79,3 +84,73 @@ def test_a_7i64_moves_bits_and_volts() -> None:
         card.exchange()
         assert emulated.sserial[0].remote(2).get("output") == 1 << 23
         assert [n for n, on in enumerate(card.inputs) if on] == [0, 23]
+
+
+@pytest.fixture
+def running() -> Iterator[tuple[Any, Any]]:
+    """A started drive, and the emulated remote it is."""
+    emulated = board_with("8i20")
+    with hostmot2.open(emulated) as board:
+        drive = board.card("8i20")
+        drive.start()
+        yield drive, emulated.sserial[0].remote(2)
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+def test_an_angle_that_is_none_is_refused_and_the_last_one_stays(
+    running: tuple[Any, Any], wrong: float
+) -> None:
+    drive, remote = running
+    drive.angle = 0.25
+    with pytest.raises(ValueError, match=f"8I20: angle {wrong}"):
+        drive.angle = wrong
+    assert drive.angle == 0.25
+    drive.exchange()
+    drive.exchange()
+    assert remote.get("angle") == pytest.approx(0.25 * 65535, abs=2)
+
+
+def test_what_the_drive_tells_of_itself(running: tuple[Any, Any]) -> None:
+    drive, remote = running
+    remote.set("Status", 0x0080)  # a bit without a name
+    remote.set("Temperature", 41)
+    drive.exchange()
+    drive.exchange()
+    assert drive.status_word == 0x0280
+    assert drive.status_bits == ["bit 7", "PID on"]
+    assert drive.card_temperature == pytest.approx(41, rel=0.01)
+
+
+def test_it_prints_current_bus_and_faults(running: tuple[Any, Any]) -> None:
+    drive, remote = running
+    drive.exchange()
+    drive.exchange()
+    assert repr(drive) == "<8I20 channel 2 +0.00 A, bus 320.0 V, no fault>"
+    remote.fault_word = 0x0100
+    drive.exchange()
+    drive.exchange()
+    assert repr(drive) == "<8I20 channel 2 +0.00 A, bus 320.0 V, bus under voltage>"
+    drive.stop()
+    assert repr(drive) == "<8I20 channel 2 stopped>"
+
+
+def test_the_analog_inputs_of_a_7i64() -> None:
+    emulated = board_with("7i64")
+    with hostmot2.open(emulated) as board:
+        card = board.card("7i64")
+        assert repr(card) == "<7I64 channel 2 stopped>"
+        card.start()
+        remote = emulated.sserial[0].remote(2)
+        remote.set("analog0", 1.5)
+        remote.set("analog1", 3.3)
+        card.exchange()
+        card.exchange()
+        assert card.analog_inputs == pytest.approx((1.5, 3.3), abs=0.01)
+        assert repr(card) == "<7I64 channel 2 running>"
+
+
+@pytest.mark.parametrize("number", [1, -1])
+def test_a_card_that_is_not_there_is_missing_by_its_number(number: int) -> None:
+    said = f"1 8I20 found, number {number} is not there"
+    with hostmot2.open(board_with("8i20")) as board, pytest.raises(errors.ModuleMissing, match=said):
+        board.cards.get("8i20", number)

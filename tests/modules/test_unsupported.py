@@ -45,6 +45,6 @@ def test_the_rest_of_the_card_works_and_their_pins_stay_let_go() -> None:
 
 @pytest.mark.parametrize("name", ["encoders", "sserial", "stepgens", "dpll", "resolvers"])
 def test_a_card_without_the_usual_modules_says_so_too(name: str) -> None:
-    with hostmot2.open(EmulatedBoard(CARD, clock="virtual")) as board:
-        with pytest.raises(errors.ModuleMissing, match="TEST"):
-            getattr(board, name)
+    emulated = EmulatedBoard(CARD, clock="virtual")
+    with hostmot2.open(emulated) as board, pytest.raises(errors.ModuleMissing, match="TEST"):
+        getattr(board, name)
