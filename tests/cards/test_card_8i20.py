@@ -113,12 +113,12 @@ def test_an_angle_that_is_none_is_refused_and_the_last_one_stays(
 def test_what_the_drive_tells_of_itself(running: tuple[Any, Any]) -> None:
     drive, remote = running
     remote.set("Status", 0x0080)  # a bit without a name
-    remote.set("Temperature", 41)
+    remote.set_raw("Temperature", 4123)
     drive.exchange()
     drive.exchange()
     assert drive.status_word == 0x0280
     assert drive.status_bits == ["bit 7", "PID on"]
-    assert drive.card_temperature == pytest.approx(41, rel=0.01)
+    assert drive.card_temperature == 4123
 
 
 def test_it_prints_current_bus_and_faults(running: tuple[Any, Any]) -> None:
