@@ -16,6 +16,7 @@ from hostmot2.fields import Direction, Field, FieldKind
 from hostmot2.layout import Element, Layout
 from hostmot2.process_data import ProcessData
 from hostmot2.recording.errors import BrokenRecording
+from hostmot2.recording.format import decoded
 from hostmot2.registers import Gtag, Sserial
 
 if TYPE_CHECKING:
@@ -162,12 +163,12 @@ class Descriptors:
     @classmethod
     def parse(cls, data: bytes) -> Descriptors:
         """Raises BrokenRecording for what `describe` would not have written."""
+        text = decoded(data, DescriptorsText, "the attached descriptors")
         try:
-            text = msgspec.json.decode(data, type=DescriptorsText)
             for port in text.ports:
                 for channel in port.channels:
                     _check(channel)
-        except (msgspec.MsgspecError, UnicodeDecodeError, ValueError) as problem:
+        except ValueError as problem:
             raise BrokenRecording(f"the attached descriptors cannot be read: {problem}") from problem
         return cls(text)
 

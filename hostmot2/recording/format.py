@@ -9,13 +9,15 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 
 from hostmot2.record_ring import STAGES
 from hostmot2.recording.errors import BrokenRecording
+
+T = TypeVar("T")
 
 RECORDS = "/hm2/records"
 IMAGE = "/hm2/image"
@@ -132,12 +134,17 @@ def records_schema(dtype: np.dtype[Any], inputs: Sequence[Signal], outputs: Sequ
     return msgspec.json.encode(text)
 
 
+def decoded(data: bytes, kind: type[T], what: str) -> T:
+    """A JSON text of a recording. Raises BrokenRecording, which says that `what` cannot be read."""
+    try:
+        return msgspec.json.decode(data, type=kind)
+    except (ValueError, RecursionError) as problem:  # no JSON, no UTF-8, another shape, too deep
+        raise BrokenRecording(f"{what} cannot be read: {problem}") from problem
+
+
 def parse_records_schema(data: bytes) -> RecordsSchema:
     """The schema back. Raises BrokenRecording for anything `records_schema` would not have written."""
-    try:
-        text = msgspec.json.decode(data, type=RecordsText)
-    except (msgspec.MsgspecError, UnicodeDecodeError) as problem:
-        raise BrokenRecording(f"the description of the records cannot be read: {problem}") from problem
+    text = decoded(data, RecordsText, "the description of the records")
     if text.format != FORMAT:
         raise BrokenRecording(f"records of format {text.format!r}; this version reads {FORMAT!r}")
     if not 8 <= text.size <= LARGEST_RECORD or len({field.name for field in text.fields}) < len(text.fields):

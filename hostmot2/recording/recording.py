@@ -255,12 +255,7 @@ def _last_image(contents: Contents, words: int) -> tuple[int, ...]:
     """The registers of the image's words. It only ever grows, so the last message holds for all records."""
     if not contents.images:
         return ()
-    try:
-        registers = msgspec.json.decode(contents.images[-1][1], type=form.ImageText).registers
-    except msgspec.MsgspecError as problem:
-        raise BrokenRecording(
-            f"{contents.path}: the image's registers cannot be read: {problem}"
-        ) from problem
+    registers = form.decoded(contents.images[-1][1], form.ImageText, f"{contents.path}: the image").registers
     if len(registers) > words or any(not 0 <= r < 0x10000 or r & 2 for r in registers):
         raise BrokenRecording(f"{contents.path}: an image of {len(registers)} words for {words} cannot be")
     return tuple(registers)
@@ -269,10 +264,7 @@ def _last_image(contents: Contents, words: int) -> tuple[int, ...]:
 def _dropped(contents: Contents) -> int:
     if contents.counters is None:
         return 0
-    try:
-        return msgspec.json.decode(contents.counters, type=form.CountersText).dropped
-    except msgspec.MsgspecError as problem:
-        raise BrokenRecording(f"{contents.path}: the counters cannot be read: {problem}") from problem
+    return form.decoded(contents.counters, form.CountersText, f"{contents.path}: the counters").dropped
 
 
 class _LogText(msgspec.Struct):
@@ -283,8 +275,5 @@ class _LogText(msgspec.Struct):
 
 def _log(contents: Contents) -> Iterator[LogEntry]:
     for time_ns, data in contents.log:
-        try:
-            text = msgspec.json.decode(data, type=_LogText)
-        except msgspec.MsgspecError as problem:
-            raise BrokenRecording(f"{contents.path}: the log cannot be read: {problem}") from problem
+        text = form.decoded(data, _LogText, f"{contents.path}: the log")
         yield LogEntry(time_ns, text.level, text.name, text.message)
