@@ -12,6 +12,7 @@ or 1: the directions it acts on), `fault.seed`.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import socket
@@ -207,13 +208,14 @@ class ControlServer:
             threading.Thread(target=self._serve, args=(client,), daemon=True).start()
 
     def _serve(self, client: socket.socket) -> None:
-        with client, client.makefile("rw", encoding="utf-8", errors="replace") as stream:
-            try:
-                while line := stream.readline(4096):
-                    stream.write(answer(self._controls, line) + "\n")
-                    stream.flush()
-            except OSError:
-                return  # the client has gone
+        with (
+            contextlib.suppress(OSError),  # the client has gone; closing sends what is buffered once more
+            client,
+            client.makefile("rw", encoding="utf-8", errors="replace") as stream,
+        ):
+            while line := stream.readline(4096):
+                stream.write(answer(self._controls, line) + "\n")
+                stream.flush()
 
     def __enter__(self) -> Self:
         self._thread.start()

@@ -120,7 +120,7 @@ class PtyRemote:
             if words:
                 try:
                     self._obey(words)
-                except (KeyError, ValueError) as mistake:
+                except (KeyError, ValueError, OverflowError) as mistake:
                     self._say(f"error {mistake}")
 
     def _obey(self, words: list[str]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -75,7 +76,7 @@ class EmulatedResolver:
 
     @angle.setter
     def angle(self, turns: float) -> None:
-        self._set(turns)
+        self._set(turns, self._speed)
 
     @property
     def speed(self) -> float:
@@ -84,15 +85,15 @@ class EmulatedResolver:
 
     @speed.setter
     def speed(self, turns_per_second: float) -> None:
-        angle = self.angle
-        self._speed = turns_per_second
-        self._set(angle)
+        self._set(self.angle, turns_per_second)
 
-    def _set(self, turns: float) -> None:
+    def _set(self, turns: float, speed: float) -> None:
+        if not math.isfinite(turns):
+            raise ValueError(f"an angle of {turns} turns")
         angle = round(turns * 2**32) & 0xFFFFFFFF
-        status = lib.hm2_emulator_resolver_set(self._handle, self.channel, angle, self._speed)
-        if status != lib.HM2_OK:
-            raise ValueError(f"{self._speed} turns per second")
+        if lib.hm2_emulator_resolver_set(self._handle, self.channel, angle, speed) != lib.HM2_OK:
+            raise ValueError(f"{speed} turns per second")
+        self._speed = speed
 
     def set_flag(self, flag: bool) -> None:
         """Set the resolver's bit in the status register."""

@@ -9,7 +9,7 @@ import pytest
 
 import hostmot2
 from hostmot2.emulator.board import EmulatedBoard
-from hostmot2.emulator.control import Controls, answer
+from hostmot2.emulator.control import Controls, ControlServer, answer, ask
 from hostmot2.emulator.described import DescribedRemote
 from hostmot2.emulator.ethernet import EthernetServer, Fault
 
@@ -157,3 +157,27 @@ def test_a_forked_child_that_leaves_the_block_leaves_the_socket_to_its_parent(tm
     )
     assert done.stdout == "3 0\n", done.stderr
     assert not path.exists()
+
+
+def test_a_socket_left_by_a_killed_emulator_is_replaced_and_no_other_file(controls, tmp_path):
+    path = tmp_path / "control"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as killed:
+        killed.bind(str(path))
+    with ControlServer(path, controls):
+        assert ask(path, "get", "requests") == "0"
+        with pytest.raises(OSError, match="in use"):
+            ControlServer(path, controls)
+        assert ask(path, "get", "requests") == "0", "one that answers stays"
+    path.write_text("keep me")
+    with pytest.raises(OSError, match="in use"):
+        ControlServer(path, controls)
+    assert path.read_text() == "keep me"
+
+
+def test_a_client_that_is_gone_before_its_answer_ends_alone(controls, tmp_path):
+    with ControlServer(tmp_path / "control", controls) as server:
+        ours, theirs = socket.socketpair()
+        ours.sendall(b"get requests\n" * 2000)
+        ours.close()
+        server._serve(theirs)
+        assert ask(tmp_path / "control", "get", "requests") == "0"

@@ -4,8 +4,17 @@ import pytest
 
 from hostmot2 import errors
 from hostmot2._core import ffi, lib
+from hostmot2.emulator import catalog
 from hostmot2.registers import LocalFault, RemoteFault
-from hostmot2.sserial import CommandHung, NoFirmware, NoRemote, NotStarted, PortRunning, RemoteSilent
+from hostmot2.sserial import (
+    BrokenTable,
+    CommandHung,
+    NoFirmware,
+    NoRemote,
+    NotStarted,
+    PortRunning,
+    RemoteSilent,
+)
 from hostmot2.sserial.checklist import advise
 from hostmot2.sserial.errors import SserialError, raise_for
 from hostmot2.sserial.evidence import ChannelEvidence, Identity
@@ -131,3 +140,15 @@ def test_an_unknown_kind_of_parameter_is_left_out_with_a_warning(card, hm2):
     assert any("0x55, 'mystery' left out" in warning for warning in channel.description.warnings)
     assert "mystery" not in channel.parameters
     assert "gain" in channel.parameters
+
+
+@pytest.mark.parametrize("what", ["endless", "loop"])
+def test_a_table_that_does_not_end_is_broken_and_read_only_so_far(card, hm2, what):
+    remote = catalog.remote("7i77-io")
+    remote.corrupt(what)
+    card.sserial[0].attach(0, remote, through_pins=True)
+    row = hm2.sserial.start(0x01).channels[0]
+    assert isinstance(row.problem, BrokenTable)
+    assert hm2.sserial.started == 0
+    remote.power_cycle()
+    assert hm2.sserial.start(0x01).failed == 0

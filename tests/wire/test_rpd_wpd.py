@@ -207,3 +207,18 @@ def test_a_slow_line(hm2) -> None:
         assert hm2("wpd", "NVBAUDRATE", "0", "-p", port)[0] == 0
         assert tell(process, "operate") == "ok"
         assert hm2("rpd", "NVBAUDRATE", "-p", port, "--baud", "9600")[1] == "NVBAUDRATE = 0  (9600 baud)"
+
+
+def test_a_remote_on_a_terminal_does_as_it_is_told_and_survives_what_cannot_be(hm2) -> None:
+    with on_pty("7i77-io", "--crc-off") as (process, port):
+        assert hm2("rpd", "NVWATCHDOGTIMEOUT", "-p", port)[:2] == (0, "NVWatchDogTimeout = 50  (50 ms)")
+        assert tell(process, "crc on") == "ok"
+        assert hm2("rpd", "NVWATCHDOGTIMEOUT", "-p", port)[0] == 0
+        assert tell(process, "set input 1e999.").startswith("error")
+        assert tell(process, "quit") == "ok"
+        assert process.wait(timeout=20) == 0
+
+
+def test_where_a_remote_is_to_be_must_be_said(hm2) -> None:
+    status, _, err = hm2("emulate-remote", "8i20")
+    assert (status, "--pty" in err) == (2, True)
