@@ -97,7 +97,11 @@ class _Record:
     def __init__(self, firmware: Firmware, todo: Plan) -> None:
         home = Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local/state")
         self._path = home / "hostmot2" / f"uflbp-{todo.name}-{todo.unit_number:08X}.json"
-        self._facts = {"sha256": firmware.digest, "erase_size": todo.erase_size, "blocks": list(todo.blocks)}
+        self._facts: dict[str, Any] = {
+            "sha256": firmware.digest,
+            "erase_size": todo.erase_size,
+            "blocks": list(todo.blocks),
+        }
 
     def done(self) -> int:
         """Blocks written before, 0 if that was another file."""
@@ -106,7 +110,8 @@ class _Record:
             done = found.pop("done")
         except (OSError, ValueError, AttributeError, KeyError, TypeError, RecursionError):
             return 0
-        return done if found == self._facts and isinstance(done, int) else 0
+        told = isinstance(done, int) and 0 <= done <= len(self._facts["blocks"])
+        return done if told and found == self._facts else 0
 
     def keep(self, done: int) -> None:
         """So many blocks are written. Without a place to write this, a resumed update begins anew."""

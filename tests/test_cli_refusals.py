@@ -1,0 +1,237 @@
+"""What the command line refuses before anything is done: status 2, and a sentence that names the mistake."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from hostmot2.cli import monitor as cli_monitor
+from hostmot2.cli import uflbp as cli_uflbp
+from hostmot2.emulator import EmulatedBoard
+from hostmot2.lbp.firmware import Plan, read_firmware
+
+cli = importlib.import_module("hostmot2.cli.main")  # hostmot2.cli.main is its function
+CommandLine = Callable[..., tuple[int, str, str]]
+CARD = ("--board", "emu://5i25+7i77?clock=virtual")
+DRIVE = ("-p", "emu:8i20")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("param", "list", "BUSV", *DRIVE), "BUSV: hm2 param get reads single ones"),
+        ((*CARD, "param", "get", "0.1"), "which parameter?"),
+        (("param", "get", "h", *DRIVE), "has no parameter 'h'"),
+        (("param", "set", "KQP", *DRIVE), "NAME VALUE [H]"),
+        (("param", "set", "KQP", "1", "X", *DRIVE), "NAME VALUE [H]"),
+        (("param", "set", "KQP", "fast", *DRIVE), "KQP takes whole numbers, not 'fast'"),
+        ((*CARD, "param", "backup", "0.1"), "which file?"),
+        (("param", "save", "BUSV", *DRIVE), "BUSV is not kept in EEPROM"),
+        ((*CARD, "param", "list", "-c", "0-1"), "'0-1' is no PORT.CHANNEL"),
+        ((*CARD, "pins", "--svg", "x.svg"), "--connector and --svg need a daughter card"),
+        (("emu", "get", "input"), "which card? hm2 emu --control PATH"),
+        (("doctor", "--cpu", "4095"), "processor 4095 is not there"),
+        (("doctor", "--ab", "rx-usecs"), "'rx-usecs' is not KEY=VALUE"),
+        (("doctor", "--ab", "rx-usecs="), "'rx-usecs=' is not KEY=VALUE"),
+        (("monitor", "--start", "all", "--start", "0:1"), "`all` goes alone"),
+        (("monitor", "--start", "x:1"), "'x' is not a number"),
+        (("monitor", "--start", "all", "--mode", "1"), "'1' is not CHANNEL=MODE"),
+        (("monitor", "--start", "all", "--mode", "x=1"), "'x' is not a number"),
+        (("monitor", "--mode", "0=2"), "--mode is for --start"),
+    ],
+)
+def test_it_is_told_what_is_wrong(command_line: CommandLine, arguments: tuple[str, ...], said: str) -> None:
+    status, out, err = command_line(*arguments)
+    assert (status, out) == (2, "")
+    assert said in err
+
+
+def test_a_stored_parameter_is_saved_under_either_name(command_line: CommandLine) -> None:
+    for name in ("KQP", "NVKQP"):
+        status, out, _ = command_line("param", "set", name, "51", "--save", "--dry-run", *DRIVE)
+        assert status == 0
+        assert "would write NVKQP = 51" in out
+
+
+# ---- the frame around every command
+
+
+def test_ctrl_c_ends_with_130_and_one_line(
+    command_line: CommandLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_arguments: object, **_options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli.hm2, "main", interrupt)
+    assert command_line("info") == (130, "", "hm2: interrupted\n")
+
+
+def test_a_warning_is_a_line_on_stderr(command_line: CommandLine, monkeypatch: pytest.MonkeyPatch) -> None:
+    import warnings
+
+    def warn(*_arguments: object, **_options: object) -> int:
+        warnings.warn("encoder 0 turns too fast", UserWarning, stacklevel=1)
+        return 0
+
+    monkeypatch.setattr(cli.hm2, "main", warn)
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # as before afterwards
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        status, out, err = command_line("info")
+    assert (status, out) == (0, "")
+    assert "encoder 0 turns too fast" in err
+    assert ".py" not in err, "no place in the source"
+
+
+def test_no_adapter_is_not_found(command_line: CommandLine, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("hostmot2.cli.adapters.adapters", list)
+    status, out, _ = command_line("discover", "--serial")
+    assert (status, out.strip()) == (3, "no serial port or adapter")
+    monkeypatch.setattr("hostmot2.cli.adapters.find_spec", lambda _name: None)
+    assert "hostmot2[serial]" in command_line("discover", "--serial")[1]
+
+
+# ---- the monitor
+
+
+def test_the_monitor_needs_a_terminal_and_opens_no_card_without(command_line: CommandLine) -> None:
+    status, _, err = command_line("--board", "emu://nonsense", "monitor")
+    assert status == 2
+    assert "needs a terminal" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "start", "modes"),
+    [
+        ((), None, {}),
+        (("--start", "all"), {}, {}),
+        (("--allow-write",), {}, {}),
+        (("--start", "0x3", "--start", "1:0x1", "--mode", "0=2", "--mode", "1.0=1"), {0: 3, 1: 1}, {}),
+    ],
+)
+def test_the_monitor_starts_what_it_is_told_and_ends_with_its_views_status(
+    command_line: CommandLine, monkeypatch: pytest.MonkeyPatch, arguments: Any, start: Any, modes: Any
+) -> None:
+    made: list[Any] = []
+
+    class Source:
+        def __init__(self, board: object, **options: Any) -> None:
+            self.board, self.options, self.calls = board, options, ["made"]
+            made.append(self)
+
+        def start(self) -> None:
+            self.calls.append("started")
+
+        def close(self) -> None:
+            self.calls.append("closed")
+
+    monkeypatch.setattr(cli_monitor, "_is_terminal", lambda: True)
+    monkeypatch.setattr(cli_monitor, "Source", Source)
+    monkeypatch.setattr(cli_monitor, "_app", lambda: SimpleNamespace(run=lambda *_: 7))
+    assert command_line(*CARD, "monitor", *arguments)[0] == 7
+    (source,) = made
+    assert source.calls == ["made", "started", "closed"]
+    assert source.options["start"] == start
+    assert source.board.closed
+    if "--mode" in arguments:
+        assert source.options["modes"] == {(0, 0): 2, (1, 0): 1}
+
+
+# ---- firmware updates
+
+
+@pytest.fixture
+def record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Of an update of five blocks; its file lies in a directory of the test's own."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    (tmp_path / "7I77.BIN").write_bytes(b"\1" * 0x900)
+    plan = Plan("7I77", 0x12000001, 0x400, 0x100, (1, 2, 3, 4, 5), 0)
+    return cli_uflbp._Record(read_firmware(tmp_path / "7I77.BIN"), plan)
+
+
+def test_progress_is_kept_and_forgotten(record: Any) -> None:
+    assert record.done() == 0
+    record.keep(3)
+    assert record.done() == 3
+    record.forget()
+    assert record.done() == 0
+
+
+@pytest.mark.parametrize("done", [-1, 6, 99, "3", None, 2.5])
+def test_progress_that_cannot_be_is_none(record: Any, done: Any) -> None:
+    """Else blocks would be left out and the update called whole."""
+    record.keep(3)
+    text = json.loads(record._path.read_text())
+    record._path.write_text(json.dumps(text | {"done": done}))
+    assert record.done() == 0
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", "null", "[" * 100_000])
+def test_progress_that_cannot_be_read_is_none(record: Any, text: str) -> None:
+    record.keep(3)
+    record._path.write_text(text)
+    assert record.done() == 0
+
+
+def test_without_a_place_for_it_an_update_goes_on(
+    record: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "hostmot2").write_text("a file where a directory is to be")
+    record.keep(1)
+    assert "cannot keep the progress" in capsys.readouterr().err
+
+
+def test_ctrl_c_waits_for_the_end_of_a_block(capsys: pytest.CaptureFixture[str]) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with cli_uflbp._no_interrupt() as interrupted:
+        assert not interrupted()
+        os.kill(os.getpid(), signal.SIGINT)
+        assert interrupted()
+    assert "ending after this block" in capsys.readouterr().err
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_an_interrupted_update_goes_on_where_it_was(
+    command_line: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    (tmp_path / "7I77.BIN").write_bytes(bytes(range(1, 256)) * 20)
+    arguments = ("uflbp", str(tmp_path / "7I77.BIN"), "-p", "emu:7i77-io")
+    real, kept = cli_uflbp._Record.keep, []
+
+    def keep(self: Any, done: int) -> None:
+        real(self, done)
+        kept.append(done)
+        if done == 2:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(cli_uflbp._Record, "keep", keep)
+    assert command_line(*arguments)[0] == 130
+    assert kept == [1, 2]
+    assert command_line(*arguments, "--resume")[0] == 0
+    assert kept == [1, 2, 3, 4]
+
+
+# ---- remotes that do not start
+
+
+def test_a_command_that_runs_remotes_says_which_did_not_start(capsys: pytest.CaptureFixture[str]) -> None:
+    import hostmot2
+    from hostmot2.cli.run import start_remotes
+
+    emulated = EmulatedBoard("5i25+7i77", clock="virtual")
+    field = emulated.sserial[0].remote(0)
+    assert field is not None
+    field.fault, field.fault_clears = 0x08, False
+    with hostmot2.open(emulated) as board:
+        start_remotes(board)
+        assert board.sserial.started == 0x02
+    assert "channels 0x01 did not start" in capsys.readouterr().err
