@@ -9,6 +9,7 @@ from typing import Any, cast
 
 from hostmot2.board import Board
 from hostmot2.opening import open_board
+from hostmot2.parts import PARTS
 
 BOARD_VARIABLE = "HM2_BOARD"
 EMULATED = "emu://5i25+7i77"
@@ -55,7 +56,7 @@ class DefaultBoard:
             self._board.__exit__(*details)
 
     def __dir__(self) -> list[str]:
-        return sorted({*dir(Board), *super().__dir__()})
+        return sorted({*dir(Board), *PARTS, *super().__dir__()})
 
     def __repr__(self) -> str:
         if self._board is None or self._board.closed:

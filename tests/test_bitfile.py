@@ -79,3 +79,10 @@ def test_no_bytes_break_the_parser(noise, at, use_efinix):
     whole = efinix(DATA) if use_efinix else xilinx(DATA)
     with contextlib.suppress(BitfileError):
         parse_bitfile(whole[:at] + noise + whole[at + len(noise) :])
+
+
+def test_an_efinix_header_ends_where_it_stops_being_one():
+    image = parse_bitfile(b"Version: 1\nDevice: T20F256 C4\nnot a label\n\xff\xfe")
+    assert image.data == b"not a label\n\xff\xfe"
+    with pytest.raises(BitfileError, match="ends before its data"):
+        parse_bitfile(b"Version: 1\nDevice: T20F256 C4\nPadded Bits: 1000\n")

@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 
 import hostmot2
-from hostmot2 import errors
+from hostmot2 import errors, transports
 from hostmot2.board import SafeOff
 from hostmot2.boards import BoardFacts
+from hostmot2.default import DefaultBoard
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.idrom import HostMot2Warning
 
@@ -282,3 +283,63 @@ def test_an_emulated_board_outlives_the_driver_on_it() -> None:
         board.pause(1e-3)
         assert board.now_ns() - start == 1_000_000
     assert card.read(0x1100) == 0x1
+
+
+def test_the_link_of_an_emulated_card_recovers_to_its_configuration() -> None:
+    """Over UDP there is more to it (test_udp_board.py)."""
+    with hostmot2.open(EmulatedBoard("5i25+7i77", clock="virtual")) as board:
+        module = board.encoders.modules[0]
+        module.filter_rate = 2e6
+        word = board.read(0x3900)
+        board.write(0x3900, 0)
+        board.recover()
+        assert board.read(0x3900) == word
+        board.cycle.arm_watchdog()
+        board.pause(1.0)
+        assert board.watchdog.check()
+        board.recover()
+        assert not board.watchdog.check()
+
+
+def test_what_a_board_has_is_listed() -> None:
+    with hostmot2.open(EmulatedBoard("5i25+7i77", clock="virtual")) as board:
+        assert {"encoders", "sserial", "watchdog", "read", "close"} <= set(dir(board))
+
+
+def test_a_default_board_opens_no_card_to_be_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HM2_BOARD", "emu://5i25+7i77?clock=virtual")
+    default = DefaultBoard()
+    assert "encoders" in dir(default)
+    with pytest.raises(AttributeError, match="__wrapped__"):
+        default.__wrapped__  # noqa: B018
+    assert repr(default) == "<default board, not open>"
+    with default as board:
+        assert board.name == "5I25"
+        assert repr(default) == repr(board)
+    assert board.closed
+    assert repr(default) == "<default board, not open>"
+    default.close()
+
+
+def test_a_never_opened_default_board_closes_as_well() -> None:
+    DefaultBoard().__exit__(None, None, None)
+
+
+def test_cycles_are_counted() -> None:
+    with hostmot2.open(EmulatedBoard("5i25+7i77", clock="virtual")) as board:
+        _ = board.encoders
+        for _ in range(3):
+            board.cycle.run()
+        assert board.cycle.counters == {"cycles": 3, "failures": 0}
+
+
+def test_a_transport_whose_package_is_missing_is_no_card(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(transports.TRANSPORTS, "udp", "hostmot2.transports.nowhere")
+    with pytest.raises(errors.CardNotFound, match="the udp:// transport cannot be used here: No module"):
+        hostmot2.open("udp://10.10.10.10")
+
+
+@pytest.mark.parametrize(("width", "pin"), [(32, 8), (25, None)])
+def test_pins_of_raw_ports_are_numbered_only_where_that_is_known(width: int, pin: int | None) -> None:
+    facts = BoardFacts("X", "MESAX", 1, width, ("P1",), 2, "")
+    assert facts.connector_pin(7) == ("P1", pin)

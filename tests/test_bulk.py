@@ -183,3 +183,15 @@ def test_sizes_must_agree():
     with pytest.raises(ValueError, match="float64 or float32"):
         data.decode(np.zeros((4, 3), np.uint32), dtype=np.int32)
     assert len(data.decode(b"")["input"]) == 0
+
+
+def test_records_that_do_not_lie_as_they_must():
+    data = ProcessData({0: Layout([Field("x", FieldKind.UNSIGNED, 8, IN, 0, 1)])}, words=2)
+    whole = np.zeros((4, 1, 2), np.uint32)
+    assert data.decode(whole)["x"].shape == (4,)
+    with pytest.raises(ValueError, match=r"records of shape \(1, 3\) where \(1, 2\) is needed"):
+        data.decode(np.zeros((4, 1, 3), np.uint32))
+    with pytest.raises(ValueError, match="in ascending order"):
+        data.decode(whole[:, :, ::-1])
+    with pytest.raises(ValueError, match="records in descending order"):
+        data.decode(whole[::-1])

@@ -204,3 +204,31 @@ def test_no_two_registers_of_a_card_share_an_address_but_for_reading_and_writing
     for at in registers_of(inventory):
         for way in at.register.access:
             assert seen.setdefault((at.address, way), at.name) == at.name
+
+
+def test_a_dump_without_an_id_block_has_no_idrom() -> None:
+    with pytest.raises(errors.NotInDump, match="no word at 0x010C") as caught:
+        dump.from_text("1000 00000001").idrom_words()
+    assert caught.value.address == 0x10C
+
+
+def test_a_dump_that_may_not_be_read_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_arguments: object, **_options: object) -> str:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_text", refuse)
+    with pytest.raises(errors.PermissionDenied, match=r"card\.hm2dump: this user may not read it"):
+        dump.load(tmp_path / "card.hm2dump")
+
+
+def test_modules_behind_the_pins_are_in_the_dump_too() -> None:
+    """Where the tables lie is the IDROM's to say."""
+    plain = EmulatedBoard("5i25+7i77", clock="virtual")
+    words = plain.read(0x0400, 256)
+    modules, pins = words[16:112], words[112:]
+    swapped = [*words[:16], *pins[:144], *modules]
+    swapped[1], swapped[2] = 64 + 4 * 144, 64
+    with hostmot2.open(EmulatedBoard(swapped, clock="virtual")) as board:
+        taken = dump.take(board)
+        again = taken.idrom_words()
+    assert again[:256] == swapped

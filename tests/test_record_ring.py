@@ -83,3 +83,21 @@ def test_one_thread_pushes_while_another_pops_nothing_is_lost_uncounted():
 def test_slots_are_a_power_of_two(slots):
     with pytest.raises(ValueError, match="power of two"):
         RecordRing(DTYPE, slots)
+
+
+@pytest.mark.parametrize("words", [-1, lib.HM2_RECORD_WORDS + 1])
+def test_an_image_has_bounds(words):
+    with pytest.raises(ValueError, match=f"{words} words are outside 0.."):
+        record_dtype(words=words)
+
+
+def test_only_whole_single_records_go_in_and_into_arrays_of_their_own_kind():
+    ring = RecordRing(DTYPE, 8)
+    for count in (0, 2):
+        with pytest.raises(ValueError, match=f"{count} records instead of one"):
+            ring.push(np.zeros(count, DTYPE))
+    ring.push(record(7))
+    for array in (np.zeros(4, record_dtype(words=9)), np.zeros(8, DTYPE)[::2]):
+        with pytest.raises(ValueError, match="not a contiguous one"):
+            ring.pop_into(array)
+    assert ring.pop(8)["cycle"].tolist() == [7], "nothing was taken by what was refused"

@@ -117,3 +117,11 @@ def test_committed_files_follow_from_the_description() -> None:
     command = [sys.executable, "registers/generate.py", "--check"]
     result = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stdout + result.stderr
+
+
+def test_a_register_says_what_may_be_done_with_it_and_what_its_fields_are() -> None:
+    control, count = registers.Encoder.control, registers.Encoder.timestamp_count
+    assert (control.writable, count.writable, count.readable) == (True, False, True)
+    assert control.field("quad_error").mask == 1 << 15
+    with pytest.raises(KeyError, match="control has no field 'turbo'"):
+        control.field("turbo")

@@ -77,3 +77,11 @@ def test_the_command_tells_one_connector_or_everything(capsys: pytest.CaptureFix
     assert "QA0" not in text
     assert json.loads(run("--json", "pins", "8i20")[1])["name"] == "8i20"
     assert run("pins", "7i77", "--connector", "TB9")[0] == 2
+
+
+def test_what_a_card_does_not_have_is_named() -> None:
+    card = WIRING["7i77"]
+    with pytest.raises(KeyError, match="7i77 has no connector 'TB99'"):
+        card.connector("TB99")
+    with pytest.raises(KeyError, match="TB2 has no 'VBUS'"):
+        card.connector("TB2").terminal("VBUS")

@@ -18,6 +18,7 @@ from fake_sysfs import MESA_5I25, MESA_6I25, NETWORK_CARD, SOMEBODYS_PLX, add_de
 
 import hostmot2
 from hostmot2 import boards, errors
+from hostmot2.card_lock import command
 from hostmot2.pci_cards import PCI_IDS, find_cards, udev_rules
 
 
@@ -274,3 +275,31 @@ def test_a_file_the_kernel_will_not_map_is_lockdown_with_what_to_do() -> None:
         assert caught.value.os_errno == 1
     finally:
         os.close(descriptor)
+
+
+@pytest.mark.parametrize("locks", [None, "", "1: POSIX  ADVISORY  WRITE 1 00:01:2 0 EOF\n"])
+def test_a_card_is_busy_even_where_the_kernel_does_not_tell_whose_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, locks: str | None
+) -> None:
+    card = tmp_path / "card"
+    card.write_bytes(image())
+    monkeypatch.setattr("hostmot2.card_lock.LOCKS", tmp_path / "locks")
+    if locks is not None:
+        (tmp_path / "locks").write_text(locks)
+    with card.open("r+b") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with pytest.raises(errors.CardBusy, match="is driven by another process") as caught:
+            hostmot2.open(f"pci://{card}")
+    assert caught.value.received is None
+    hostmot2.open(f"pci://{card}").close()
+
+
+def test_a_driver_that_is_gone_meanwhile_has_no_name() -> None:
+    assert command(os.getpid()) != "?"
+    assert command(0) == "?"
+
+
+def test_a_device_without_ids_is_no_card(sysfs: Path) -> None:
+    add_device(sysfs, "0000:03:00.0", MESA_5I25)
+    (add_device(sysfs, "0000:04:00.0", MESA_5I25) / "vendor").write_text("gone")
+    assert [card.address for card in find_cards(sysfs)] == ["0000:03:00.0"]
