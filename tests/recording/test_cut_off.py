@@ -20,7 +20,8 @@ from mcap.writer import Writer
 
 from hostmot2.errors import CardNotFound
 from hostmot2.recording import BrokenRecording, RecordingTooLarge, read
-from recording.making import record_file, records
+from hostmot2.recording.file import RecordingFile
+from recording.making import DTYPE, INPUTS, OUTPUTS, record_file, records
 
 ROOT = Path(__file__).parents[2]
 CHILD = """
@@ -248,3 +249,18 @@ def test_what_is_no_recording_is_named_as_such(tmp_path):
         writer.finish()
     with pytest.raises(BrokenRecording, match="no records are described"):
         read(tmp_path / "other.mcap")
+
+
+def test_what_a_forked_child_has_buffered_of_its_parents_recording_goes_nowhere(tmp_path):
+    """The two halves of it in one process; with a real fork above."""
+    path = tmp_path / "run.mcap"
+    file = RecordingFile(path, DTYPE, INPUTS, OUTPUTS, 0)
+    file.records(records(0, 5))
+    file.flush()
+    parents = path.read_bytes()
+    file.records(records(5, 5))
+    file.disown()
+    file.finish()
+    file.close()
+    file.disown()  # nothing to let go of any more
+    assert path.read_bytes() == parents

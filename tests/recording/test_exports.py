@@ -7,10 +7,11 @@ import struct
 import numpy as np
 import pytest
 
-from hostmot2.recording import plot, read, to_csv, to_parquet
+from hostmot2.record_ring import RecordRing
+from hostmot2.recording import Recorder, plot, read, to_csv, to_parquet
 from hostmot2.recording.picture import envelope
 from hostmot2.recording.play import emulator_keys, play
-from recording.making import record_file, records
+from recording.making import DTYPE, IMAGE, INPUTS, OUTPUTS, PERIOD_NS, push_all, record_file, records
 
 
 @pytest.fixture
@@ -126,3 +127,43 @@ def test_hm2_plot_and_export_write_files(hm2, path, tmp_path):
     status, _, err = hm2("play", tmp_path / "text.mcap")
     assert status == 6
     assert "HM2-E111" in err
+
+
+def test_what_cannot_be_played_into_an_emulator_is_said_before_it_is_asked(hm2, path, tmp_path):
+    status, _, err = hm2("play", path, "--control", tmp_path / "nobody")
+    assert (status, "no columns an emulator takes; say which with --map" in err) == (2, True)
+    status, _, err = hm2("play", path, "--control", tmp_path / "nobody", "--map", "input")
+    assert (status, "'input' is not KEY=COLUMN" in err) == (2, True)
+
+
+def test_columns_are_played_where_they_are_mapped(hm2, path, monkeypatch):
+    told = []
+    monkeypatch.setattr("hostmot2.cli.recording.ask", lambda _control, *words: told.append(words) or "ok")
+    options = ("--control", "x", "--speed", "0", "--map", "encoder0_position=cycle")
+    assert hm2("play", path, *options)[0] == 0
+    assert told[:2] == [("set", "encoder0_position", "0"), ("set", "encoder0_position", "1")]
+    assert len(told) == 300
+
+
+def test_a_log_is_shown_between_the_rows_of_its_time(hm2, tmp_path):
+    ring = RecordRing(DTYPE, 512)
+    with Recorder(
+        ring, tmp_path / "run.mcap", INPUTS, OUTPUTS, image=IMAGE, clock=lambda: 10**12
+    ) as recorder:
+        push_all(ring, records(0, 20))
+        recorder.log("the door was opened", "warning", "machine", 10**12 + 10 * PERIOD_NS)
+    lines = hm2("play", tmp_path / "run.mcap", "-c", "cycle")[1].splitlines()
+    said = next(n for n, line in enumerate(lines) if line == "# machine: the door was opened")
+    cycles = [line.split("\t")[1] for line in (lines[said - 1], lines[said + 1])]
+    assert cycles == ["9", "10"]
+
+
+def test_a_gap_is_drawn_where_records_are_missing(tmp_path, monkeypatch):
+    axes = pytest.importorskip("matplotlib.axes")
+    lines = []
+    monkeypatch.setattr(axes.Axes, "axvline", lambda _self, x, **_options: lines.append(float(x)))
+    made = np.concatenate([records(0, 50), records(80, 50)])
+    run = read(record_file(tmp_path / "gap.mcap", made))
+    assert [(gap.first, gap.count) for gap in run.gaps] == [(50, 30)]
+    plot(run, tmp_path / "gap.png", ["enc0.position"])
+    assert lines == [pytest.approx(80 * PERIOD_NS / 1e9)]

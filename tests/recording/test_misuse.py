@@ -12,6 +12,7 @@ import pytest
 from mcap.reader import make_reader
 
 import hostmot2
+import hostmot2.record_ring
 from hostmot2.cli import main
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.errors import EngineError
@@ -206,3 +207,41 @@ def test_what_is_left_of_a_cut_off_file_is_replayed(board, tmp_path):
             replay.play(len(replay))
         replay.stop()
     assert replay.differences == []
+
+
+def test_what_a_block_raised_is_kept_and_the_failed_recording_noted(tmp_path, monkeypatch):
+    ring = hostmot2.record_ring.RecordRing(DTYPE, 64)
+
+    def full(_self):
+        raise RecordingFailed("no space left")
+
+    recorder = Recorder(ring, tmp_path / "run.mcap", INPUTS, OUTPUTS, image=IMAGE)
+    monkeypatch.setattr(Recorder, "close", full)
+    with pytest.raises(KeyError, match="mine") as caught, recorder:
+        raise KeyError("mine")
+    assert any("no space left" in note for note in caught.value.__notes__)
+    with pytest.raises(RecordingFailed, match="no space left"), recorder:
+        pass
+    monkeypatch.undo()
+    recorder.close()
+
+
+def test_a_recorder_that_cannot_begin_lets_its_file_go(tmp_path):
+    ring = hostmot2.record_ring.RecordRing(DTYPE, 64)
+    path = tmp_path / "run.mcap"
+    with pytest.raises(AttributeError):
+        Recorder(ring, path, INPUTS, OUTPUTS, image=IMAGE, attachments=["no attachment"])
+    with Recorder(ring, path, INPUTS, OUTPUTS, image=IMAGE):
+        push_all(ring, records(0, 3))
+    assert len(read(path).records) == 3
+
+
+def test_a_file_system_without_locks_is_written_all_the_same(tmp_path, monkeypatch):
+    def refuse(*_arguments):
+        raise OSError(95, "Operation not supported")
+
+    monkeypatch.setattr("fcntl.flock", refuse)
+    ring = hostmot2.record_ring.RecordRing(DTYPE, 64)
+    with Recorder(ring, tmp_path / "run.mcap", INPUTS, OUTPUTS, image=IMAGE):
+        push_all(ring, records(0, 3))
+    assert len(read(tmp_path / "run.mcap").records) == 3

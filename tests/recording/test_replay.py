@@ -1,9 +1,11 @@
 """A recording in the card's place: the driver's behaviour over it is that of the day it was made."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from hostmot2 import Board
+from hostmot2 import Board, errors
 from hostmot2._core import ffi, lib
 from hostmot2.cli import main
 from hostmot2.emulator import EmulatedBoard
@@ -12,7 +14,9 @@ from hostmot2.emulator.ethernet import EthernetServer
 from hostmot2.record_ring import RecordRing, record_dtype
 from hostmot2.recording import Recorder, Replay, Signal, Tap, attachments_of, read, remote_inputs
 from hostmot2.recording.bus import BusAround
+from hostmot2.recording.play import emulator_keys, play
 from hostmot2.transports.emulated import transport_of
+from recording.making import record_file, records
 
 CARD = "5i25+7i77"
 MASK = 0x03
@@ -235,3 +239,71 @@ def test_who_waits_during_a_replay_sees_time_pass(replay):
     assert board.now_ns() - before == 1_000_000
     made.play(3)
     assert board.now_ns() == before
+
+
+def test_a_register_that_was_not_recorded_is_read_from_the_card_below(recorded):
+    with EmulatedBoard(CARD, clock="virtual") as card:
+        made = Replay(read(recorded[0]), transport_of(card))
+        with made.open() as board:
+            made.play(3)
+            assert board.read(0x0100) == 0x55AACAFE
+            assert 0x0100 not in made.recording.image
+            with pytest.raises(IndexError, match=f"record {CYCLES} of {CYCLES}"):
+                made.play(CYCLES)
+
+
+def test_a_recording_without_descriptors_has_no_inputs_of_remotes(tmp_path):
+    run = read(record_file(tmp_path / "run.mcap", records(0, 3)))
+    assert remote_inputs(run, 0) == {}
+
+
+def test_keys_of_an_emulator_are_inputs_and_positions_not_outputs(recorded):
+    run = read(recorded[0])
+    keys = emulator_keys(run)
+    assert keys["input"] == "sserial0.0.Input"
+    assert not any("analogout" in key for key in keys)
+    counts = SimpleNamespace(inputs=(), input_elements=frozenset())
+    names = ["encoder3.raw_count", "encoder3.velocity", "x"]
+    seen = type("Run", (SimpleNamespace,), {"__iter__": lambda self: iter(names)})(**vars(counts))
+    assert emulator_keys(seen) == {"encoder3_position": "encoder3.raw_count"}
+
+
+def test_a_value_that_is_refused_later_ends_the_playing_and_one_refused_at_once_is_left_out(tmp_path):
+    run = read(record_file(tmp_path / "run.mcap", records(0, 5)))
+    told = []
+
+    def set_value(key, value):
+        if key == "velocity" or value > 0.3:
+            raise ValueError(f"{value} is too much")
+        told.append(key)
+
+    keys = {"position": "enc0.position", "velocity": "enc0.velocity"}
+    with pytest.raises(ValueError, match="too much"):
+        play(run, keys, set_value, speed=0)
+    assert told == ["position"] * 3
+    assert play(run, {"velocity": "enc0.velocity"}, set_value, speed=0) == {"velocity": "1.0 is too much"}
+
+
+def test_a_tap_without_a_ring_records_nothing_and_one_without_room_keeps_what_has_some():
+    with EmulatedBoard(CARD, clock="virtual") as card:
+        tap = Tap(transport_of(card))
+        with Board(tap.transport) as board:
+            with pytest.raises(ValueError, match="the tap has no ring"):
+                tap.push([])
+            tap.ring = RecordRing(record_dtype(words=2), 8)
+            for register in (0x0100, 0x0104, 0x0108):
+                board.read(register)
+            assert tap.push([])
+            (made,) = tap.ring.pop(8)
+            assert tap.registers == [0x0100, 0x0104]
+            assert made["words"].tolist() == [board.read(0x0100), board.read(0x0104)]
+
+
+def test_an_exception_in_a_bus_between_is_an_error_of_the_exchange(caplog):
+    class Broken(BusAround):
+        def begin(self, transfers, count, error):
+            raise RuntimeError("a mistake")
+
+    with EmulatedBoard(CARD, clock="virtual") as card, pytest.raises(errors.HostMot2Error):
+        Board(Broken(transport_of(card)).transport)
+    assert "a mistake" in caplog.text
