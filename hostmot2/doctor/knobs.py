@@ -90,13 +90,16 @@ class _DmaLatency:
 
     def write(self, text: str) -> None:
         """Hold a bound; "" lets go."""
+        bound = _number(text) if text else 0
+        if not 0 <= bound < 1 << 31:
+            raise ValueError(f"{text} us is no latency")
         if self._held:
             os.close(self._held[0])
             self._held = None
         if text:
             descriptor = os.open(self._path, os.O_RDWR)
             self._held = (descriptor, text)
-            os.write(descriptor, _number(text).to_bytes(4, "little"))
+            os.write(descriptor, bound.to_bytes(4, "little"))
 
 
 KEYS = ("rx-usecs", "tx-usecs", "adaptive-rx", "adaptive-tx", "eee", "irq-cpu", "governor", "cpu_dma_latency",
