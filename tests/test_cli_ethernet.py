@@ -16,6 +16,7 @@ import pytest
 from bitfile_samples import payload, xilinx
 
 from hostmot2.cli import main
+from hostmot2.cli.emulate import _above_ordinary_programs, _described
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.cards import CARD_NAMES, card
 from hostmot2.emulator.control import ask
@@ -214,3 +215,34 @@ def taken_port() -> Iterator[int]:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         yield taken.getsockname()[1]
+
+
+def test_restarting_the_ethernet_engine_leaves_the_registers(hm2, server):
+    assert hm2("--board", server.url, "reload", "--engine", "--yes")[0] == 0
+    assert server.card.process(bytes.fromhex("01420001")) == bytes.fromhex("fecaaa55")
+
+
+def test_what_follows_an_image_in_its_file_is_said(hm2, server, tmp_path: Path):
+    (tmp_path / "image.bit").write_bytes(xilinx(payload(3000)) + b"abc")
+    _, _, err = hm2("--board", server.url, "flash", "write", "--dry-run", str(tmp_path / "image.bit"))
+    assert "image.bit: 3 bytes follow the configuration data" in err
+
+
+@pytest.mark.parametrize(("spec", "name"), [("7i92+7i77", "7I92"), ("7i76e", "7I76")])
+def test_a_served_dump_has_the_name_in_its_idrom(spec: str, name: str) -> None:
+    assert _described(card(spec).idrom()).name == name
+
+
+@pytest.mark.parametrize("permitted", [True, False])
+def test_who_steers_the_card_is_above_ordinary_programs_only_meanwhile(monkeypatch, permitted: bool) -> None:
+    asked = []
+
+    def schedule(_pid: int, policy: int, parameters: os.sched_param) -> None:
+        if policy == os.SCHED_FIFO and not permitted:
+            raise PermissionError
+        asked.append((policy, parameters.sched_priority))
+
+    monkeypatch.setattr(os, "sched_setscheduler", schedule)
+    with _above_ordinary_programs():
+        assert asked == [(os.SCHED_FIFO, 1)] * permitted
+    assert asked[-1] == (os.SCHED_OTHER, 0)

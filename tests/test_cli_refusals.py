@@ -6,15 +6,20 @@ import importlib
 import json
 import os
 import signal
+import sys
 from collections.abc import Callable
+from importlib import metadata
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from hostmot2 import host_facts
+from hostmot2.cli import catalogue
 from hostmot2.cli import monitor as cli_monitor
 from hostmot2.cli import uflbp as cli_uflbp
+from hostmot2.cli.live import _audience
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.lbp.firmware import Plan, read_firmware
 
@@ -235,3 +240,59 @@ def test_a_command_that_runs_remotes_says_which_did_not_start(capsys: pytest.Cap
         start_remotes(board)
         assert board.sserial.started == 0x02
     assert "channels 0x01 did not start" in capsys.readouterr().err
+
+
+# ---- what is said beside the answer
+
+
+def test_a_read_that_changes_something_says_so(command_line: CommandLine) -> None:
+    err = command_line("--board", "emu://7i76e?clock=virtual", "peek", "0x7600")[2]
+    assert "reading dpll sync: " in err
+
+
+def test_a_completion_script_on_a_terminal_says_where_it_goes(
+    command_line: CommandLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    status, out, err = command_line("completion", "bash")
+    assert status == 0
+    assert "to install it" in err
+    assert "to install it" not in out
+
+
+@pytest.mark.parametrize(
+    ("host", "who"),
+    [
+        ("127.0.0.1", "only programs on this computer"),
+        ("::1", "only programs on this computer"),
+        ("localhost", "only programs on this computer"),
+        ("0.0.0.0", "everybody who reaches 0.0.0.0"),
+        ("machine.example", "everybody who reaches machine.example"),
+    ],
+)
+def test_who_may_look_is_said(host: str, who: str) -> None:
+    assert _audience(host) == who
+
+
+def test_a_package_that_is_not_installed_is_no_fault_of_the_facts(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> str:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "version", missing)
+    assert "not installed" in host_facts.facts().values()
+
+
+def test_errors_of_a_part_whose_packages_are_missing_are_read_without_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    name = "hostmot2.recording.errors"
+    path = Path(importlib.import_module(name).__file__ or "")
+
+    def missing(_name: str) -> None:
+        raise ModuleNotFoundError("mcap")
+
+    with monkeypatch.context() as patched:
+        patched.delitem(sys.modules, name)
+        patched.setattr(importlib, "import_module", missing)
+        catalogue._load(path)
+        assert sys.modules[name].BrokenRecording.code == "HM2-E111"

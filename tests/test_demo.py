@@ -1,12 +1,13 @@
 """The demo and the README's examples run as they are printed."""
 
 import re
+import sys
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
-from hostmot2.demo import demo
+from hostmot2.demo import demo, draw
 
 ROOT = Path(__file__).parent.parent
 
@@ -40,3 +41,13 @@ def test_python_examples_of_the_documents_run(name: str, capsys: pytest.CaptureF
     assert blocks
     for block in blocks:
         exec(compile(block, name, "exec"), {})
+
+
+def test_without_matplotlib_there_is_no_picture_and_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name in ("matplotlib", "matplotlib.figure"):
+        monkeypatch.setitem(sys.modules, name, None)
+    assert not draw({}, tmp_path / "latency.png")
+    assert "hostmot2[plot]" in capsys.readouterr().err
+    assert not (tmp_path / "latency.png").exists()

@@ -13,9 +13,9 @@ from hostmot2 import lbp
 from hostmot2.board import Board
 from hostmot2.cli.session import Session
 from hostmot2.emulator import EmulatedBoard, catalog
-from hostmot2.lbp.card import open_channel
-from hostmot2.lbp.errors import RemoteRefused
-from hostmot2.sserial import NoRemote, PortRunning
+from hostmot2.lbp.card import check_flash_revision, open_channel
+from hostmot2.lbp.errors import FirmwareRefused, LineSilent, RemoteRefused
+from hostmot2.sserial import NoRemote, PortRunning, RemoteSilent
 from wire.lines import emulated
 
 pytestmark = pytest.mark.timeout(60)
@@ -92,3 +92,43 @@ def test_uflbp_through_the_card(
     assert not end.value.code
     assert "cycle the power" in capfd.readouterr().out
     assert remote.peek(0x400, 0x400, space=2) == b"\xa5" * 0x400
+
+
+@pytest.mark.parametrize(
+    ("revision", "name", "refused"),
+    [("1.33", "7I77", True), ("1.34", "7I77", False), ("1.36", "8I20", True), ("1.37", "8I20", False)],
+)
+def test_flash_is_not_reached_through_older_firmware_of_the_card(
+    card: EmulatedBoard, monkeypatch: pytest.MonkeyPatch, revision: str, name: str, refused: bool
+) -> None:
+    with hostmot2.open(card) as board:
+        port = board.sserial[0]
+        monkeypatch.setattr(type(port), "revision", revision)
+        if not refused:
+            check_flash_revision(port, name)
+            return
+        with pytest.raises(FirmwareRefused, match=f"SSLBP {revision} cannot reach flash"):
+            check_flash_revision(port, name)
+
+
+def test_a_remote_that_falls_silent_is_a_silent_line(
+    card: EmulatedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with hostmot2.open(card) as board:
+        port = board.sserial[0]
+        remote = open_channel(port, 0)
+        waited: list[float] = []
+        monkeypatch.setattr(port, "pause", waited.append)
+
+        def silent(*_arguments: object) -> None:
+            raise RemoteSilent("no valid answer")
+
+        monkeypatch.setattr(port, "access_remote", silent)
+        with pytest.raises(LineSilent, match="no answer to"):
+            remote.sync(timeout_s=0.15)
+        assert len(waited) == 2, "a cookie is asked for three times in 0.15 s, with a rest in between"
+        monkeypatch.setattr(port, "restart_setup", silent)
+        with pytest.raises(LineSilent, match="no valid answer"):
+            remote.link.resync()
+        monkeypatch.undo()
+        remote.close()
