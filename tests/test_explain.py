@@ -10,6 +10,7 @@ import pytest
 
 from hostmot2.cli.catalogue import all_errors, short
 from hostmot2.cli.main import main
+from hostmot2.registers import ComState, LocalFault
 from hostmot2.sserial.words import explain_command, explain_cs, explain_data
 
 
@@ -180,3 +181,10 @@ def test_codes_of_parts_whose_extra_is_not_installed_are_explained_too() -> None
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "BrokenRecording" in done.stdout
+
+
+def test_a_start_that_gave_up_says_what_to_do(explained) -> None:
+    word = ComState.UNIT_NUMBER_GET << 16 | LocalFault.TOO_MANY_ERRORS
+    status, out = explained(f"CS=0x{word:08X}")[:2]
+    assert status == 0
+    assert "start again; `hm2 sserial start MASK` shows the evidence" in " ".join(out.split())

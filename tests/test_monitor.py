@@ -11,11 +11,11 @@ import pytest
 import hostmot2
 from hostmot2 import recording
 from hostmot2.emulator import EmulatedBoard
-from hostmot2.errors import CardBusy, EngineError
+from hostmot2.errors import CardBusy, EngineError, HostMot2Error, TransportTimeout
 from hostmot2.modules import driven
 from hostmot2.monitor import Source, text
 from hostmot2.monitor.snapshot import BitsRow, ChannelRow, Snapshot, ValueRow
-from hostmot2.sserial import ChannelStatus
+from hostmot2.sserial import ChannelStatus, NoFirmware
 from hostmot2.transports.emulated import transport_of
 from tests.write_witness import Witness
 
@@ -288,3 +288,36 @@ def test_lines_of_a_snapshot_that_has_nothing_yet() -> None:
     now = Snapshot(card="5I25", url="pci://", access="starting", rate=200.0)
     assert text.status_line(now, True) == "5I25 pci://  200 Hz  watchdog none  PAUSED"
     assert text.latency_text(now) == "p99 of reply and cycle: -"
+
+
+def test_a_mistake_in_looking_is_kept_for_the_view(source: Source, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stumble() -> None:
+        raise RuntimeError("a bug")
+
+    monkeypatch.setattr(source, "look", stumble)
+    source._run()
+    assert isinstance(source.failure, RuntimeError)
+
+
+@pytest.mark.parametrize("error", [NoFirmware("none"), EngineError("given up"), TransportTimeout("lost")])
+def test_counters_that_cannot_be_read_are_not_shown_as_old_ones(
+    source: Source, monkeypatch: pytest.MonkeyPatch, error: HostMot2Error
+) -> None:
+    """But for a lost exchange, which says nothing about them."""
+
+    def refuse(_self: object, _number: int) -> None:
+        raise error
+
+    for _ in range(len(source.board.sserial[0].channels)):
+        source._read_counters()
+    before = dict(source._counters)
+    assert before
+    monkeypatch.setattr(type(source.board.sserial[0]), "channel_counters", refuse)
+    for _ in range(len(source.board.sserial[0].channels)):
+        source._read_counters()
+    assert source._counters == (before if isinstance(error, TransportTimeout) else {})
+
+
+def test_while_exchanges_fail_a_card_that_still_answers_is_no_problem(source: Source) -> None:
+    assert source._problem(0) is None
+    assert source._problem(9) is None

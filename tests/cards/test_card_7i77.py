@@ -12,6 +12,7 @@ import hostmot2
 from hostmot2 import errors
 from hostmot2.cards.card_7i77 import find_7i77d
 from hostmot2.cards.errors import CardFault
+from hostmot2.emulator import catalog
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.emulator.cards import GPIO
 from hostmot2.emulator.cards import card as card_description
@@ -284,3 +285,11 @@ def test_firmware_without_encoders_makes_no_7i77_but_says_so() -> None:
     emulated = EmulatedBoard(description, clock="virtual")
     with hostmot2.open(emulated) as board, pytest.raises(errors.ModuleMissing, match=said):
         _ = board.card("7i77").encoders
+
+
+def test_a_7i77_on_a_channel_without_pins_is_no_card() -> None:
+    with EmulatedBoard("5i25+7i77", clock="virtual", sserial_channels=4) as emulated:
+        emulated.sserial[0].attach(3, catalog.remote("7i77-io"))
+        said = "no pin leads to smart serial channel 3"
+        with hostmot2.open(emulated) as board, pytest.raises(errors.ModuleMissing, match=said):
+            board.card("7i77")

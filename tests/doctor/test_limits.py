@@ -11,16 +11,18 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fake_sysfs import MESA_6I25, add_device
 
 from doctor.test_experiment import Setting
 from doctor.trees import FakeLinks, machine
 from hostmot2.cli.doctor import _advice
 from hostmot2.doctor import Finding, Verdict, access, measure, network, scheduling
 from hostmot2.doctor import machine as machines
-from hostmot2.doctor.examination import Target, probe_of, target_of
+from hostmot2.doctor.examination import Target, look, probe_of, target_of
 from hostmot2.doctor.experiment import try_change
 from hostmot2.doctor.knobs import knob
 from hostmot2.doctor.measure import register_reads, round_trips
+from hostmot2.pci_cards import find_cards
 
 # ---- measuring
 
@@ -275,3 +277,24 @@ def test_what_a_card_judges_needs_a_card(command_line: Any, monkeypatch: pytest.
 def test_advice_that_can_be_tried_says_how(trial: str, target: Target, command: str) -> None:
     finding = Finding("enp3s0 coalescing", Verdict.IMPROVE, "57 us", "Turn it off.", trial)
     assert _advice(finding, target) == f"enp3s0 coalescing: Turn it off. {command}"
+
+
+def test_interfaces_in_use_with_hardware_are_looked_at_when_none_is_named(tmp_path: Path) -> None:
+    names = [each.name for each in look(Target(), machine(tmp_path), FakeLinks)]
+    assert "enp2s0 hardware" in names
+    unplugged = FakeLinks(link=replace(FakeLinks().link, carrier=False))
+    names = [each.name for each in look(Target(), machine(tmp_path / "b"), lambda: unplugged)]
+    assert not any(name.startswith("enp2s0") for name in names)
+
+
+def test_a_pci_card_that_lost_its_bar_blocks(tmp_path: Path) -> None:
+    add_device(_sysfs(tmp_path), "0000:03:00.0", MESA_6I25, size=0)
+    (card,) = find_cards(tmp_path / "sys")
+    (tmp_path / "sys/bus/pci/devices/0000:03:00.0" / card.registers.name).write_bytes(b"")
+    found = access.pci_card(machine(tmp_path / "root"), card)
+    assert (found.verdict, found.seen) == (Verdict.BLOCKS, "its register BAR is not assigned")
+
+
+def _sysfs(tmp_path: Path) -> Path:
+    (tmp_path / "sys/bus/pci/devices").mkdir(parents=True)
+    return tmp_path / "sys"

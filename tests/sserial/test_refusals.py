@@ -2,9 +2,10 @@
 
 import pytest
 
+import hostmot2
 from hostmot2 import errors
 from hostmot2._core import ffi, lib
-from hostmot2.emulator import catalog
+from hostmot2.emulator import EmulatedBoard, catalog
 from hostmot2.registers import LocalFault, RemoteFault
 from hostmot2.sserial import (
     BrokenTable,
@@ -152,3 +153,14 @@ def test_a_table_that_does_not_end_is_broken_and_read_only_so_far(card, hm2, wha
     assert hm2.sserial.started == 0
     remote.power_cycle()
     assert hm2.sserial.start(0x01).failed == 0
+
+
+def test_at_the_rate_of_set_up_jumpers_is_looked_only_where_nothing_answered():
+    with (
+        EmulatedBoard("5i25+7i77", clock="virtual", sserial_channels=1) as card,
+        hostmot2.open(card) as board,
+    ):
+        scan = board.sserial[0].scan(setup_rate=True)
+        assert [row.found for row in scan] == [True]
+        assert board.sserial[0].channels[0].baud_rate == 2_500_000
+        assert scan[0].problem is None

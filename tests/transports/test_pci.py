@@ -303,3 +303,19 @@ def test_a_device_without_ids_is_no_card(sysfs: Path) -> None:
     add_device(sysfs, "0000:03:00.0", MESA_5I25)
     (add_device(sysfs, "0000:04:00.0", MESA_5I25) / "vendor").write_text("gone")
     assert [card.address for card in find_cards(sysfs)] == ["0000:03:00.0"]
+
+
+def test_a_card_whose_file_cannot_be_locked_is_not_driven(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    card = tmp_path / "card"
+    card.write_bytes(image())
+
+    def refuse(*_arguments: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    before = len(os.listdir("/proc/self/fd"))
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with pytest.raises(OSError, match="No locks available"):
+        hostmot2.open(f"pci://{card}")
+    assert len(os.listdir("/proc/self/fd")) <= before, "nothing is left open"
