@@ -73,8 +73,12 @@ LEFT = (
     (r"hm2_lbp16_next\(datagram->|sizeof error->where", "a safety belt on our own bytes"),
     (r"^hostmot2/_bound\.c", "what Python refuses its own callers"),
     (r"^hostmot2/bench/peer\.py", "needs LinuxCNC: run by `make bench`"),
-    (r"^hostmot2/doctor/links\.py", "needs a network card and an extra"),
-    (r"except (ImportError|ModuleNotFoundError)", "an extra that is not installed"),
+    (r"^hostmot2/doctor/(links|eee)\.py", "needs a network card and an extra"),
+    (r"except (ImportError|ModuleNotFoundError)|pip install", "an extra that is not installed"),
+    (r"^hostmot2/bench/", "a measurement: run by `make bench`"),
+    (r"^hostmot2/\S+: *raise (AssertionError|NotImplementedError|MemoryError)\b", "nothing leads there"),
+    (r"^hostmot2/exits\.py", "in a process that a signal ends"),
+    (r"_is_owned|_at_fork_reinit|hm2_engine_abandon|\bin list\(_\w+\)|\._?disown\(", "in a forked child"),
 )
 
 SETTINGS = """\
