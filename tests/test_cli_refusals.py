@@ -15,12 +15,16 @@ from typing import Any
 
 import pytest
 
+import hostmot2
 from hostmot2 import host_facts
 from hostmot2.cli import catalogue
 from hostmot2.cli import monitor as cli_monitor
 from hostmot2.cli import uflbp as cli_uflbp
+from hostmot2.cli.identify import _connector
 from hostmot2.cli.live import _audience
+from hostmot2.cli.run import start_remotes
 from hostmot2.emulator import EmulatedBoard
+from hostmot2.errors import CardNotFound
 from hostmot2.lbp.firmware import Plan, read_firmware
 
 cli = importlib.import_module("hostmot2.cli.main")  # hostmot2.cli.main is its function
@@ -229,9 +233,6 @@ def test_an_interrupted_update_goes_on_where_it_was(
 
 
 def test_a_command_that_runs_remotes_says_which_did_not_start(capsys: pytest.CaptureFixture[str]) -> None:
-    import hostmot2
-    from hostmot2.cli.run import start_remotes
-
     emulated = EmulatedBoard("5i25+7i77", clock="virtual")
     field = emulated.sserial[0].remote(0)
     assert field is not None
@@ -296,3 +297,41 @@ def test_errors_of_a_part_whose_packages_are_missing_are_read_without_it(
         patched.setattr(importlib, "import_module", missing)
         catalogue._load(path)
         assert sys.modules[name].BrokenRecording.code == "HM2-E111"
+
+
+def test_a_stored_parameter_is_found_by_the_manuals_other_name(command_line: CommandLine) -> None:
+    arguments = ("param", "set", "WATCHDOGTIME", "60", "--save", "--dry-run", "-p", "emu:7i77-io")
+    status, out, _ = command_line(*arguments)
+    assert (status, "would write NVWatchDogTimeout = 60" in out) == (0, True)
+
+
+def test_a_pin_that_leads_nowhere_known_has_no_connector() -> None:
+    assert _connector(SimpleNamespace(connector="", connector_pin=None)) == ""  # type: ignore[arg-type]
+    assert _connector(SimpleNamespace(connector="P3", connector_pin=17)) == "P3-17"  # type: ignore[arg-type]
+
+
+def test_with_hm2_debug_an_error_comes_with_its_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HM2_DEBUG", "1")
+    with pytest.raises(CardNotFound, match="nowhere"):
+        cli.main(["--board", "pci:///nowhere", "info"])
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(
+    command_line: CommandLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_arguments: object, **_options: object) -> None:
+        raise BrokenPipeError
+
+    turned: list[int] = []
+    monkeypatch.setattr(cli.hm2, "main", broken)
+    monkeypatch.setattr(cli.os, "dup2", lambda nowhere, _stdout: turned.append(nowhere))
+    assert command_line("info") == (0, "", "")
+    (nowhere,) = turned
+    os.close(nowhere)
+
+
+def test_a_card_without_smart_serial_has_no_remotes_to_start() -> None:
+    with hostmot2.open(EmulatedBoard("7i80hd", clock="virtual")) as board:
+        before = board.counters["words_written"]
+        start_remotes(board)
+        assert board.counters["words_written"] == before

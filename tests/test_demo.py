@@ -51,3 +51,10 @@ def test_without_matplotlib_there_is_no_picture_and_that_is_said(
     assert not draw({}, tmp_path / "latency.png")
     assert "hostmot2[plot]" in capsys.readouterr().err
     assert not (tmp_path / "latency.png").exists()
+
+
+def test_the_emulated_card_is_timed_without_its_wire_as_well(tmp_path: Path) -> None:
+    arguments = ["--count", "5", "-o", str(tmp_path / "latency.png")]
+    result = CliRunner().invoke(demo, arguments, catch_exceptions=False)
+    assert result.exit_code == 0
+    assert "driver alone" in result.output

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,12 @@ import pytest
 import hostmot2
 from hostmot2 import recording
 from hostmot2.emulator import EmulatedBoard
+from hostmot2.emulator.cards import card as described
 from hostmot2.errors import CardBusy, EngineError, HostMot2Error, TransportTimeout
 from hostmot2.modules import driven
 from hostmot2.monitor import Source, text
 from hostmot2.monitor.snapshot import BitsRow, ChannelRow, Snapshot, ValueRow
+from hostmot2.registers import Gtag
 from hostmot2.sserial import ChannelStatus, NoFirmware
 from hostmot2.transports.emulated import transport_of
 from tests.write_witness import Witness
@@ -321,3 +324,13 @@ def test_counters_that_cannot_be_read_are_not_shown_as_old_ones(
 def test_while_exchanges_fail_a_card_that_still_answers_is_no_problem(source: Source) -> None:
     assert source._problem(0) is None
     assert source._problem(9) is None
+
+
+def test_a_card_without_a_watchdog_says_so() -> None:
+    description = described("7i80hd")
+    modules = tuple(module for module in description.modules if module.gtag != Gtag.WATCHDOG)
+    with hostmot2.open(EmulatedBoard(replace(description, modules=modules), clock="virtual")) as board:
+        made = Source(board)
+        made.start()
+        assert made.look().watchdog == "none"
+        made.close()

@@ -6,6 +6,7 @@ import asyncio
 import os
 import signal
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from hostmot2.errors import EngineError
 from hostmot2.monitor import Source, app, text
 from hostmot2.monitor.app import MonitorApp
 from hostmot2.monitor.help import help_text
-from hostmot2.monitor.snapshot import BitsRow
+from hostmot2.monitor.snapshot import BitsRow, Problem
 from hostmot2.recording import RecordingFailed, read
 
 
@@ -287,5 +288,17 @@ def test_a_filter_is_left_by_escape(started: Source) -> None:
         await pilot.press("slash", "x", "escape")
         await pilot.pause()
         assert view.query_one(Input).value == ""
+
+    drive(started, script)
+
+
+def test_e_explains_what_is_wrong_with_the_card_where_a_line_has_nothing_to_say(started: Source) -> None:
+    async def script(view: MonitorApp, pilot: Any) -> None:
+        await pilot.press("2")
+        await ticked(view, pilot)
+        view.now = replace(view.now, problem=Problem("no answer", "HM2-E041"))
+        view.action_explain()
+        await pilot.pause()
+        assert "HM2-E041" in screen(view)
 
     drive(started, script)

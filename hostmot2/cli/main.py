@@ -140,8 +140,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     session = Session()
     try:
         status = hm2.main(arguments, prog_name="hm2", standalone_mode=False, obj=session)
-    except click.exceptions.Exit as end:
-        status = end.exit_code
     except click.ClickException as error:
         status = failure.show_usage(error, as_json=session.as_json)
     except (click.Abort, KeyboardInterrupt):

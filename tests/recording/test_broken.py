@@ -2,13 +2,16 @@
 
 import dataclasses
 import json
+from importlib.metadata import PackageNotFoundError
 
 import pytest
 import zstandard
 from mcap.records import Chunk
 
+import hostmot2
+from hostmot2.emulator import EmulatedBoard, catalog
 from hostmot2.errors import PermissionDenied
-from hostmot2.recording import BrokenRecording, Recording, read
+from hostmot2.recording import BrokenRecording, Recording, RecordingTooLarge, attachments_of, read
 from hostmot2.recording import scan as scanning
 from hostmot2.recording.descriptors import Descriptors
 from hostmot2.recording.format import FORMAT, parse_records_schema, records_schema
@@ -148,10 +151,6 @@ def test_descriptors_that_cannot_be(described, change, said):
 
 @pytest.fixture(scope="module")
 def _described():
-    import hostmot2
-    from hostmot2.emulator import EmulatedBoard
-    from hostmot2.recording import attachments_of
-
     with hostmot2.open(EmulatedBoard("5i25+7i77", clock="virtual")) as board:
         board.sserial.start(0x01)
         (data,) = [each.data for each in attachments_of(board) if b'"ports"' in each.data]
@@ -203,3 +202,34 @@ def test_a_file_that_may_not_be_read_says_so(tmp_path, monkeypatch):
 def test_a_rate_that_is_none_is_refused(rate):
     with pytest.raises(ValueError, match=f"{rate} messages per second"):
         Thinning(rate)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.9])
+def test_a_limit_holds_for_attachments_and_for_chunks(tmp_path, share):
+    path = record_file(tmp_path / "run.mcap", records(0, 100))
+    whole = read(path)
+    size = whole.records.nbytes + sum(map(len, whole.attachments.values()))
+    assert len(read(path, limit=4 * size).records) == 100
+    with pytest.raises(RecordingTooLarge):
+        read(path, limit=round(size * share))
+
+
+def test_padding_is_described_as_room_alone():
+    with EmulatedBoard("5i25+7i77", clock="virtual") as card:
+        card.sserial[0].attach(2, catalog.remote("stmbl"), through_pins=True)
+        with hostmot2.open(card) as board:
+            board.sserial.start(0x04).raise_for_failed()
+            (data,) = [each.data for each in attachments_of(board) if b'"ports"' in each.data]
+    (channel,) = [each for each in json.loads(data)["ports"][0]["channels"] if each["channel"] == 2]
+    pads = [field for field in channel["fields"] if field["kind"] == 0]
+    assert [field["bits"] for field in pads] == [2, 2]
+    assert all(field["input_invert"] == field["output_invert"] == 0 for field in pads)
+
+
+def test_from_a_source_tree_a_recording_names_no_version(tmp_path, monkeypatch):
+    def missing(name):
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr("hostmot2.recording.file.version", missing)
+    path = record_file(tmp_path / "run.mcap", records(0, 1))
+    assert b"hostmot2/0 mcap/0" in path.read_bytes()

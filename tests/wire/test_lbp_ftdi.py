@@ -115,6 +115,10 @@ def test_what_came_unasked_is_thrown_away_and_counted(chip: VirtualFtdi) -> None
 def test_pyusb_sees_a_chip_as_the_real_one(chip: VirtualFtdi) -> None:
     (device,) = usb.core.find(find_all=True, backend=get_backend())
     assert [len(list(interface)) for configuration in device for interface in configuration] == [2]
+    with pytest.raises(IndexError):
+        device[1]
+    with pytest.raises(USBError, match="no such request"):
+        device.ctrl_transfer(0xA0, 0x21, 0, 0, 7)
     stream = FtdiStream("ftdi:///1")
     assert stream._chip.get_latency_timer() == chip.latency_ms == 1
     stream.close()

@@ -15,6 +15,7 @@ import serial
 from hostmot2 import lbp
 from hostmot2.errors import PermissionDenied
 from hostmot2.lbp import serial_port
+from hostmot2.lbp.adapters import adapters
 from hostmot2.lbp.errors import AdapterBusy, AdapterMissing, LineSilent
 from hostmot2.lbp.opening import open_stream
 from hostmot2.lbp.serial_port import SerialStream
@@ -110,3 +111,9 @@ def test_without_the_packages_it_says_what_to_install(monkeypatch: pytest.Monkey
     with pytest.raises(ModuleNotFoundError) as caught:
         open_stream(port)
     assert any("hostmot2[serial]" in note for note in caught.value.__notes__)
+
+
+def test_adapters_that_no_package_lists_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    for package in ("serial.tools", "pyftdi.ftdi"):
+        monkeypatch.setitem(sys.modules, package, None)
+    assert adapters() == []
