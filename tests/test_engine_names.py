@@ -83,6 +83,7 @@ def test_settings_that_the_engine_does_not_take_in_time_stay_as_they_were(
     engine: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     axis = engine.add_pid("x", feedback="encoder0.position", output="analogout0", p=2.0)
+    axis.position = 0.0
     with engine:
         run(engine, 2)
         busy = SimpleNamespace(hm2_engine_set_pid=lambda *_: lib.HM2_ERR_BUSY, HM2_ERR_BUSY=lib.HM2_ERR_BUSY)
