@@ -160,7 +160,7 @@ int udp_datagram_raw(struct udp_datagram *datagram, const uint8_t *commands, siz
 	if (length > sizeof datagram->bytes - TAIL - datagram->length ||
 	    reply_size > HM2_LBP16_MAX_PAYLOAD - UDP_OVERHEAD)
 		return HM2_ERR_RANGE;
-	while (offset < length && hm2_lbp16_next(commands, length, &offset, &command, &data) == HM2_OK) {
+	while (hm2_lbp16_next(commands, length, &offset, &command, &data) == HM2_OK) { /* to the end, as checked above */
 		datagram->writes |= command.write;
 		datagram->once |= !command.has_address || command.write;
 	}

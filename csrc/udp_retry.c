@@ -48,7 +48,7 @@ static struct udp_datagram *newest(struct hm2_udp *udp)
 {
 	struct udp_datagram *last = &udp->window[udp->sent - 1];
 
-	return udp->unanswered == 1 && !last->answered && last->sequence == udp->sequence ? last : NULL;
+	return udp->unanswered == 1 && !last->answered ? last : NULL;
 }
 
 int udp_retry(struct hm2_udp *udp, hm2_error *error)
@@ -63,10 +63,8 @@ int udp_retry(struct hm2_udp *udp, hm2_error *error)
 
 int udp_retry_answered(struct hm2_udp *udp, hm2_error *error)
 {
-	struct udp_datagram *datagram = newest(udp);
+	struct udp_datagram *datagram = &udp->window[udp->sent - 1]; /* it was asked about, and is unanswered still */
 
-	if (!datagram)
-		return HM2_OK;
 	if (udp->probe_answer == datagram->sequence) {
 		if (datagram->once)
 			return HM2_OK; /* a FIFO has given its words: they are gone, the deadline says so */
