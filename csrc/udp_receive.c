@@ -6,15 +6,6 @@ static uint64_t bit(uint32_t sequence)
 	return (uint64_t)1 << (sequence & 63);
 }
 
-static int answered_in_window(const struct hm2_udp *udp, uint32_t sequence)
-{
-	for (int i = 0; i < udp->sent; i++) {
-		if (udp->window[i].sequence == sequence)
-			return udp->window[i].answered;
-	}
-	return 0;
-}
-
 /* Sent again under a newer number: nothing is in doubt. */
 static int superseded(const struct hm2_udp *udp, uint32_t sequence)
 {
@@ -27,14 +18,12 @@ static int superseded(const struct hm2_udp *udp, uint32_t sequence)
 	return 0;
 }
 
-/* The requests (after, until] were never carried out. */
+/* The requests (after, until] were never carried out; none of them is answered, `after` is not before the last that is. */
 static void count_lost(struct hm2_udp *udp, uint32_t after, uint32_t until)
 {
 	int writes = 0;
 
 	for (uint32_t sequence = after + 1; sequence != until + 1; sequence++) {
-		if (answered_in_window(udp, sequence))
-			continue;
 		udp->counters.requests_lost++;
 		if (!superseded(udp, sequence))
 			writes |= until - sequence > 63 || (udp->wrote & bit(sequence)) != 0;
@@ -64,9 +53,10 @@ static void judge(struct hm2_udp *udp, uint32_t sequence, uint32_t before)
 	}
 }
 
+/* Only what was sent is ever confirmed, so newer is newer, however long nothing was. */
 static void confirm(struct hm2_udp *udp, uint32_t sequence)
 {
-	if (!udp->synchronized || sequence - udp->confirmed < UDP_RECENT)
+	if (!udp->synchronized || sequence - udp->confirmed < UINT32_C(1) << 31)
 		udp->confirmed = sequence;
 	udp->synchronized = 1;
 }
