@@ -17,6 +17,7 @@ struct mailbox {
 	size_t count;
 	int (*completes)(struct mailbox *mailbox, uint32_t command);
 	int fail_next; /* this many exchanges fail */
+	int fail_status; /* with this; 0: HM2_ERR_IO */
 	int fail_at; /* the exchange of this number fails; 0: none */
 	int exchanges;
 	int fail_writes; /* this many exchanges with a write in front fail */
@@ -54,9 +55,10 @@ static int mailbox_begin(void *self, const hm2_transfer *transfers, size_t count
 	                                                                            : &mailbox->fail_next;
 	if (++mailbox->exchanges == mailbox->fail_at || *fails) {
 		*fails -= *fails > 0;
+		const int status = mailbox->fail_status ? mailbox->fail_status : HM2_ERR_IO;
 		if (error)
-			error->status = HM2_ERR_IO;
-		return HM2_ERR_IO;
+			error->status = status;
+		return status;
 	}
 	if (mailbox->takes_ns && mailbox->now_ns >= mailbox->done_ns)
 		mailbox->words[COMMAND / 4] = 0;

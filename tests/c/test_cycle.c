@@ -86,6 +86,15 @@ static void counted_process(void *self, int64_t now_ns)
 	part->now_ns = now_ns;
 }
 
+/* Lists nothing and counts how often it was asked. */
+static size_t asked_for_writes(void *self, hm2_transfer *transfers, size_t capacity)
+{
+	(void)transfers;
+	(void)capacity;
+	((struct counted *)self)->processed++;
+	return 0;
+}
+
 static void start(void)
 {
 	const hm2_bus bus = {&bench, bench_begin, bench_finish, bench_now_ns, bench_pause_ns, bench_close};
@@ -246,8 +255,38 @@ static void test_plain_words_take_part_while_enabled(void)
 	end();
 }
 
+/* Refused before anybody's writes are asked for: some are only listed once. */
+static void test_words_without_room_are_refused(void)
+{
+	uint32_t word = 7;
+	struct counted none = {.transfers = 0};
+	hm2_cyclic_words in = {.transfer = {0x1000, 1, HM2_TRANSFER_READ, &word}, .enabled = 1};
+	struct counted most = {.transfers = HM2_CYCLE_TRANSFERS};
+	const hm2_cyclic filler = {&most, counted_reads, NULL, NULL}, writer = {&none, NULL, asked_for_writes, NULL};
+	hm2_cycle_counters counters;
+	hm2_cyclic part;
+	start();
+	hm2_cyclic_words_part(&in, &part);
+	CHECK_EQUAL(hm2_cycle_add(bench.cycle, &filler, NULL), HM2_OK);
+	CHECK_EQUAL(hm2_cycle_add(bench.cycle, &part, NULL), HM2_OK);
+	CHECK_EQUAL(hm2_cycle_add(bench.cycle, &writer, NULL), HM2_OK);
+	CHECK_EQUAL(hm2_cycle_run(bench.cycle, &bench.error), HM2_ERR_RANGE);
+	CHECK_EQUAL(bench.error.expected, HM2_CYCLE_TRANSFERS);
+	CHECK_EQUAL(bench.count, 0);
+	CHECK_EQUAL(none.processed, 0);
+	hm2_cycle_get_counters(bench.cycle, &counters); /* they lie behind the list */
+	CHECK_EQUAL(counters.cycles, 0);
+	CHECK_EQUAL(counters.failures, 1);
+	in.enabled = 0;
+	CHECK_EQUAL(hm2_cycle_run(bench.cycle, &bench.error), HM2_OK);
+	CHECK_EQUAL(bench.count, HM2_CYCLE_TRANSFERS);
+	CHECK_EQUAL(none.processed, 1);
+	end();
+}
+
 int main(void)
 {
+	test_words_without_room_are_refused();
 	test_all_reads_come_before_all_writes();
 	test_a_failed_exchange_brings_no_readings();
 	test_a_shut_gate_leaves_the_reads();

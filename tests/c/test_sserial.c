@@ -103,6 +103,7 @@ static void test_a_revision_of_aa_is_not_believed(void)
 	CHECK_EQUAL(hm2_sserial_reset(box.port, &box.error), HM2_ERR_PROTOCOL);
 	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_NO_FIRMWARE);
 	CHECK_EQUAL(box.error.received, 0xAA);
+	CHECK_EQUAL(hm2_sserial_reset(box.port, NULL), HM2_ERR_PROTOCOL);
 	mailbox_free(&box);
 }
 
@@ -274,86 +275,53 @@ static void test_interface_data_is_zeroed_before_a_start(void)
 	mailbox_free(&box);
 }
 
-/* The registers keep, above the bytes of an answer, what an earlier and longer one left there. */
-static void test_a_remotes_value_is_as_wide_as_was_asked_for(void)
+/* Outputs must not stay on for what one exchange met; a bus that is silent has no use for more. */
+static void test_zeroes_are_sent_again_where_that_may_help(void)
 {
-	static const uint64_t expected[][2] = {
-		{1, 0x44}, {2, 0x3344}, {4, 0x11223344}, {8, 0x5566778811223344}};
-	mailbox_open(&box);
-	CHECK_EQUAL(hm2_sserial_start(box.port, 1, HM2_SSERIAL_SETUP, &box.error), 0);
-	box.words[USER0 / 4] = 0x11223344;
-	box.words[(USER0 + 0x100) / 4] = 0x55667788;
-	for (size_t i = 0; i < sizeof expected / sizeof *expected; i++) {
-		uint64_t value = 0;
-		const uint32_t size = (uint32_t)expected[i][0];
-		CHECK_EQUAL(hm2_sserial_read_remote(box.port, 0, 0, 0x100, size, &value, &box.error), HM2_OK);
-		CHECK(value == expected[i][1]);
+	static const struct {
+		int fails, channel_fails;
+		size_t count;
+		uint32_t commands[4];
+	} cases[] = {{0, 0, 2, {0x1001, 0x0801}}, {HM2_ERR_PROTOCOL, 0, 2, {0x1001, 0x0801}},
+	             {HM2_ERR_TIMEOUT, 0, 1, {0x0801}}, {0, 1, 4, {0x1001, 0x1001, 0x1001, 0x0801}}};
+	for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+		start(1);
+		box.fail_status = cases[i].fails;
+		box.fail_writes = cases[i].fails != 0;
+		box.words[DATA / 4] = (uint32_t)cases[i].channel_fails;
+		CHECK_EQUAL(hm2_sserial_stop(box.port, 1, &box.error), HM2_OK);
+		check_commands(cases[i].commands, cases[i].count);
+		mailbox_free(&box);
 	}
-	mailbox_free(&box);
 }
 
-static size_t doits;
-
-static int not_the_third_doit(struct mailbox *mailbox, uint32_t command)
+/* A list joins registers only where their words are neighbours, too. */
+static void test_registers_without_gaps_keep_their_places(void)
 {
-	(void)mailbox;
-	return (command & 0xFF00) != 0x1000 || ++doits != 3;
-}
-
-static void test_a_port_stopped_while_the_space_is_put_back_says_so(void)
-{
-	uint64_t value = 0;
+	const hm2_sserial_config config = {BASE, 8, 0x40, 0, 2, 3};
 	mailbox_open(&box);
-	CHECK_EQUAL(hm2_sserial_start(box.port, 1, HM2_SSERIAL_SETUP, &box.error), 0);
-	doits = 0;
-	box.completes = not_the_third_doit;
-	CHECK_EQUAL(hm2_sserial_read_remote(box.port, 0, HM2_LBP_SPACE_EEPROM, 0x10, 1, &value, &box.error),
-	            HM2_ERR_TIMEOUT);
-	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_UNJAMMED);
-	CHECK_EQUAL(hm2_sserial_started(box.port), 0);
-	mailbox_free(&box);
-}
-
-/* In normal mode a DOIT moves process data: the outputs of a machine that runs would be a memory access. */
-static void test_a_remotes_memory_is_not_touched_while_process_data_moves(void)
-{
-	uint64_t value = 0x77;
-	start(1);
+	hm2_sserial_free(box.port);
+	CHECK_EQUAL(hm2_sserial_open(box.board, &config, &box.port, NULL), HM2_OK);
+	CHECK_EQUAL(hm2_sserial_start(box.port, 3, HM2_SSERIAL_NORMAL, &box.error), 0);
+	hm2_sserial_image *image = hm2_sserial_get_image(box.port);
 	for (uint32_t channel = 0; channel < 2; channel++) {
-		CHECK_EQUAL(hm2_sserial_access(box.port, channel, 0x64, 0x100, &value, &box.error), HM2_ERR_BUSY);
-		CHECK_EQUAL(box.error.detail, HM2_SSERIAL_NOT_STARTED);
-		CHECK_EQUAL(box.error.index, channel);
-		CHECK_EQUAL(hm2_sserial_write_remote(box.port, channel, 0, 0x100, 1, 7, &box.error), HM2_ERR_BUSY);
-		CHECK_EQUAL(box.error.detail, HM2_SSERIAL_NOT_STARTED);
-		CHECK_EQUAL(box.error.index, channel);
+		CHECK_EQUAL(hm2_sserial_set_bits(box.port, channel, 96, 96, &box.error), HM2_OK);
+		for (uint32_t row = 0; row < 3; row++)
+			image->outputs[channel][row] = 0x100 * (channel + 1) + row;
 	}
-	CHECK_EQUAL(box.count, 0);
-	CHECK_EQUAL(box.words[USER0 / 4], 0);
-	mailbox_free(&box);
-}
-
-/* What the channel says of it is evidence: if that cannot be read, the bus is the trouble, not the remote. */
-static void test_a_bus_that_fails_behind_a_silent_remote_is_told_as_that(void)
-{
-	uint64_t value = 0;
-	mailbox_open(&box);
-	CHECK_EQUAL(hm2_sserial_start(box.port, 1, HM2_SSERIAL_SETUP, &box.error), 0);
-	box.words[DATA / 4] = 1; /* the DOIT's answer: channel 0 has failed */
-	box.exchanges = 0;
-	CHECK_EQUAL(hm2_sserial_access(box.port, 0, 0x44, 0x100, &value, &box.error), HM2_ERR_TIMEOUT);
-	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_REMOTE_SILENT);
-	box.fail_at = box.exchanges; /* the last one, which looked at the channel */
-	box.exchanges = 0;
-	CHECK_EQUAL(hm2_sserial_access(box.port, 0, 0x44, 0x100, &value, &box.error), HM2_ERR_IO);
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 3, &box.error), 0);
+	for (uint32_t row = 0; row < 3; row++) {
+		CHECK_EQUAL(box.words[(BASE + 24 + 8 * row) / 4], 0x100 + row);
+		CHECK_EQUAL(box.words[(BASE + 28 + 8 * row) / 4], 0x200 + row);
+	}
+	CHECK(memcmp(image->inputs, image->outputs, sizeof image->inputs) == 0); /* this mailbox is read as it was written */
 	mailbox_free(&box);
 }
 
 int main(void)
 {
-	test_a_remotes_memory_is_not_touched_while_process_data_moves();
-	test_a_bus_that_fails_behind_a_silent_remote_is_told_as_that();
-	test_a_port_stopped_while_the_space_is_put_back_says_so();
-	test_a_remotes_value_is_as_wide_as_was_asked_for();
+	test_registers_without_gaps_keep_their_places();
+	test_zeroes_are_sent_again_where_that_may_help();
 	test_a_doit_names_the_channels_that_were_asked_for();
 	test_interface_data_is_zeroed_before_a_start();
 	test_a_hung_doit_is_aborted_and_everything_stopped();

@@ -82,6 +82,19 @@ static void test_a_hiccup_is_not_learned(int64_t exchange_ns)
 	mailbox_free(&box);
 }
 
+/* Unlike a hiccup, what takes a little longer is waited for from then on. */
+static void test_a_doit_that_takes_a_little_longer_is_learned_at_once(void)
+{
+	start(5000, DOIT_NS);
+	(void)transfer(3000);
+	box.takes_ns = DOIT_NS + 15000;
+	CHECK(transfer(1) > 2);
+	const int64_t before_ns = box.now_ns;
+	CHECK_EQUAL(transfer(1), 2);
+	CHECK(box.now_ns - before_ns <= box.takes_ns + 20000);
+	mailbox_free(&box);
+}
+
 /* Shorter DOITs are found again, without haste. */
 static void test_the_wait_creeps_back(void)
 {
@@ -252,6 +265,7 @@ int main(void)
 	test_where_a_look_is_cheap_looks_follow_each_other();
 	test_a_hiccup_is_not_learned(50000);
 	test_a_hiccup_is_not_learned(200);
+	test_a_doit_that_takes_a_little_longer_is_learned_at_once();
 	test_the_wait_creeps_back();
 	test_a_doit_is_never_written_over_one_at_work();
 	test_a_pipelined_doit_that_never_ends_is_dug_out();
