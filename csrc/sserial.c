@@ -199,7 +199,7 @@ static int run_start(struct hm2_sserial *port, uint32_t mask, int mode, uint32_t
 	                       (normal ? HM2_SSLBP_COMMAND_START_NORMAL : HM2_SSLBP_COMMAND_START_SETUP) | mask, error);
 	if (status == HM2_OK)
 		status = sserial_wait(port, POLL_START_NS, error);
-	if (status == HM2_ERR_TIMEOUT && port->busy)
+	if (status == HM2_ERR_TIMEOUT)
 		return give_up_start(port, mask, failed, error);
 	if (status == HM2_OK)
 		status = sserial_read(port, HM2_SSERIAL_DATA, 0, failed, error);

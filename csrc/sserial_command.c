@@ -101,7 +101,7 @@ int sserial_settle(struct hm2_sserial *port, const char *where, hm2_error *error
 	if (port->late)
 		(void)sserial_is_hung(port, hm2_board_now_ns(port->board)); /* this is its first look */
 	const int status = sserial_wait(port, POLL_SHORT_NS, error);
-	if (status == HM2_ERR_TIMEOUT && port->busy)
+	if (status == HM2_ERR_TIMEOUT)
 		return sserial_recover(port, where, error);
 	return status == HM2_OK && port->flying ? sserial_collect(port, error) : status;
 }

@@ -68,7 +68,7 @@ static size_t cyclic_reads(void *self, hm2_transfer *transfers, size_t capacity)
 	if (port->use == HM2_SSERIAL_USE_OTHERS)
 		return 0;
 	sserial_note_launch(port);
-	if (!port->flying || port->mode != HM2_SSERIAL_NORMAL)
+	if (!port->flying)
 		return 0;
 	sserial_compile(port, port->flying);
 	port->reading = 1;

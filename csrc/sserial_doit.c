@@ -198,7 +198,7 @@ static int look_until_done(struct hm2_sserial *port, int looked, int64_t *seen_n
 static int wait_for_doit(struct hm2_sserial *port, int looked, hm2_error *error)
 {
 	int64_t seen_ns = 0;
-	if (!looked && port->expected_ns > 0)
+	if (!looked)
 		hm2_board_pause_ns(port->board, port->expected_ns);
 	const int status = look_until_done(port, looked, &seen_ns, error);
 	if (status < 0)

@@ -154,8 +154,7 @@ static int access_in_space(struct hm2_sserial *port, uint32_t channel, uint32_t 
 	if (status == HM2_OK)
 		status = access_again(port, channel, command, address, value, error);
 	hm2_error why = {0};
-	const int restored = channel < port->config.channels ? select_space(port, channel, HM2_LBP_SPACE_RAM, &why)
-	                                                     : HM2_OK;
+	const int restored = select_space(port, channel, HM2_LBP_SPACE_RAM, &why);
 	if (status != HM2_OK || restored == HM2_OK)
 		return status;
 	if (port->started & 1u << channel)
