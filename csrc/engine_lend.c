@@ -18,7 +18,7 @@ static void go_on(struct engine_port *port)
 	hm2_sserial_set_cyclic(port->port, port->cyclic);
 }
 
-/* The results of the last DOIT are the cycle's to take: with one on its way nothing is lent. */
+/* Behind a good cycle. The results of the last DOIT are the cycle's to take: with one on its way nothing is lent. */
 void engine_lend(struct engine_port *port)
 {
 	int wanted = atomic_load(&port->wanted);
@@ -27,7 +27,7 @@ void engine_lend(struct engine_port *port)
 		return;
 	}
 	hold(port);
-	if (port->port->flying || port->port->launched)
+	if (port->port->flying)
 		return;
 	if (!atomic_compare_exchange_strong(&port->wanted, &wanted, GRANTED))
 		return; /* taken back meanwhile */

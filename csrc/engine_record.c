@@ -23,22 +23,24 @@ static uint16_t slot_of(struct engine_image *image, uint32_t address, int write)
 	return *slot;
 }
 
-/* Neighbours move together. */
+/* Neighbours move together. Words that are read over and over may be more than there are moves: not fresh, then. */
 static void add_move(struct engine_plan *plan, const uint32_t *from, uint16_t slot)
 {
 	struct engine_move *last = plan->moves ? &plan->move[plan->moves - 1] : NULL;
-	plan->fresh[slot / 32] |= 1u << slot % 32;
 	if (last && last->from + last->count == from && last->slot + last->count == slot)
 		last->count++;
 	else if (plan->moves < HM2_RECORD_WORDS)
 		plan->move[plan->moves++] = (struct engine_move){from, slot, 1};
+	else
+		return;
+	plan->fresh[slot / 32] |= 1u << slot % 32;
 }
 
 static void plan_transfer(struct engine_image *image, struct engine_plan *plan, const hm2_transfer *transfer)
 {
 	const int write = (transfer->flags & HM2_TRANSFER_WRITE) != 0;
 	const int same = (transfer->flags & HM2_TRANSFER_SAME_ADDRESS) != 0; /* the last word stays */
-	for (uint32_t k = same && transfer->count ? transfer->count - 1u : 0; k < transfer->count; k++) {
+	for (uint32_t k = same ? transfer->count - 1u : 0; k < transfer->count; k++) { /* never of no words: see board.c */
 		const uint16_t slot = slot_of(image, transfer->address + (same ? 0 : 4 * k), write);
 		if (slot != IMAGE_NONE)
 			add_move(plan, &transfer->words[k], slot);

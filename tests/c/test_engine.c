@@ -311,6 +311,22 @@ static void test_start_and_stop_in_quick_succession(void)
 	tear_down(&rig);
 }
 
+/* Its thread sleeps for an hour, in pieces. */
+static void test_an_engine_that_sleeps_long_is_stopped_at_once(void)
+{
+	struct rig rig;
+	hm2_engine_config config = quick();
+	config.period_ns = INT64_C(3600) * 1000000000;
+	build(&rig, &config);
+	CHECK(hm2_engine_step(rig.engine, NULL) == HM2_ERR_BUSY);
+	CHECK(hm2_engine_start(rig.engine, NULL, NULL) == HM2_OK);
+	pause_ns(&rig.card, 20000000); /* it is asleep by now */
+	CHECK(hm2_engine_step(rig.engine, NULL) == HM2_ERR_BUSY); /* its thread's */
+	hm2_engine_stop(rig.engine);
+	hm2_engine_read(rig.engine, NULL, NULL, NULL); /* nothing is asked for */
+	tear_down(&rig);
+}
+
 /* As a program ends: the engine is stopped and the board closed while the recorder still empties the ring, and
  * whoever shows values still reads the last of them. */
 static void test_stop_and_close_while_others_read_and_record(void)
@@ -349,6 +365,7 @@ int main(void)
 	test_a_silent_writer_is_a_dead_one();
 	test_readers_writers_and_lookers_at_once();
 	test_start_and_stop_in_quick_succession();
+	test_an_engine_that_sleeps_long_is_stopped_at_once();
 	test_stop_and_close_while_others_read_and_record();
 	return check_failures != 0;
 }

@@ -256,6 +256,25 @@ static void test_failed_transfers_fill_the_bucket_that_good_ones_empty(void)
 	tear_down();
 }
 
+/* Its zeroes cannot go out any more: its user gets it sooner. */
+static void test_a_doit_that_hangs_while_its_port_is_left_ends_that(void)
+{
+	hm2_engine_config config = calm();
+	config.fault_increment = config.fault_limit = 10;
+	config.period_ns = 3000000; /* longer than a DOIT is waited for */
+	build(&config);
+	start_port();
+	rig.mailbox.words[DATA / 4] = 0x02;
+	CHECK_EQUAL(step(1).off, HM2_OFF_PORT);
+	rig.mailbox.completes = never;
+	CHECK_EQUAL(step(2).port_state[0], HM2_PORT_RUNNING);
+	CHECK_EQUAL(step(1).port_state[0], HM2_PORT_GIVEN_UP);
+	rig.mailbox.completes = always;
+	rig.mailbox.words[DATA / 4] = 0;
+	CHECK_EQUAL(hm2_sserial_stop(rig.mailbox.port, 0, NULL), HM2_OK);
+	tear_down();
+}
+
 /* Exchanges succeed, and none of them brings a result that could be taken. */
 static void test_results_that_stay_hidden_turn_outputs_off_as_lost_exchanges_do(void)
 {
@@ -412,6 +431,7 @@ int main(void)
 	test_as_many_overruns_in_a_row_as_are_allowed();
 	test_a_hung_doit_gives_its_port_up_and_the_others_run_on();
 	test_failed_transfers_fill_the_bucket_that_good_ones_empty();
+	test_a_doit_that_hangs_while_its_port_is_left_ends_that();
 	test_results_that_stay_hidden_turn_outputs_off_as_lost_exchanges_do();
 	test_hidden_results_of_before_do_not_count();
 	test_without_a_limit_a_port_is_never_given_up();

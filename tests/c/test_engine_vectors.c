@@ -281,6 +281,50 @@ static void test_a_record_holds_as_many_words_as_there_is_room_for(void)
 	hm2_record_ring_free(ring);
 }
 
+enum { AGAIN = 85, APART = 3 };
+
+static size_t read_over_and_over(void *self, hm2_transfer *transfers, size_t capacity)
+{
+	uint32_t(*words)[APART] = self;
+	for (size_t i = 0; i < AGAIN && AGAIN <= capacity; i++)
+		transfers[i] = (hm2_transfer){0x1000, APART, HM2_TRANSFER_READ, words[i]};
+	return AGAIN;
+}
+
+/* 0x1000 and 0x1008 come first, so the word between them is no neighbour in the image: three moves for each reading. */
+static void test_a_word_that_a_record_could_not_take_in_is_not_fresh(void)
+{
+	static uint32_t first, third, last, again[AGAIN][APART];
+	static hm2_cyclic_words list[3];
+	uint8_t record[512];
+	hm2_record head;
+	struct hm2_record_ring *ring = NULL;
+	CHECK_EQUAL(open_engine(NULL, 0, NULL, 0), HM2_OK);
+	const hm2_cyclic part = {again, read_over_and_over, NULL, NULL};
+	list[0] = (hm2_cyclic_words){{0x1000, 1, HM2_TRANSFER_READ, &first}, 1};
+	list[1] = (hm2_cyclic_words){{0x1008, 1, HM2_TRANSFER_READ, &third}, 1};
+	list[2] = (hm2_cyclic_words){{0x2000, 1, HM2_TRANSFER_READ, &last}, 1};
+	add_words(&list[0]);
+	add_words(&list[1]);
+	CHECK_EQUAL(hm2_cycle_add(cycle, &part, NULL), HM2_OK);
+	add_words(&list[2]);
+	CHECK_EQUAL(hm2_record_ring_new(4, hm2_engine_record_size(engine, 8), &ring, NULL), HM2_OK);
+	hm2_engine_set_record_ring(engine, ring, 8);
+	CHECK_EQUAL(hm2_engine_start(engine, NULL, NULL), HM2_OK);
+	mailbox.words[0x1004 / 4] = 12;
+	mailbox.words[0x2000 / 4] = 13;
+	(void)step(1);
+	CHECK_EQUAL(hm2_record_ring_pop_many(ring, record, 1), 1);
+	memcpy(&head, record, sizeof head);
+	const uint32_t *image = (const uint32_t *)(const void *)(record + sizeof head);
+	CHECK_EQUAL(head.image_words, 4);
+	CHECK_EQUAL(head.fresh[0], 7);
+	CHECK_EQUAL(image[2], 12);
+	CHECK_EQUAL(image[3], 0);
+	close_engine();
+	hm2_record_ring_free(ring);
+}
+
 static void test_rings_that_cannot_be(void)
 {
 	struct hm2_record_ring *ring = NULL;
@@ -319,7 +363,10 @@ static void test_the_slowest_cycles_are_kept(void)
 	hm2_engine_get_histogram(engine, HM2_STAGES, &histogram);
 	CHECK_EQUAL(histogram.maximum_ns, UINT32_MAX);
 	CHECK_EQUAL(histogram.count, 41);
-	hm2_engine_get_histogram(engine, -1, &histogram);
+	hm2_engine_get_histogram(engine, -1, &histogram); /* no such stages: left alone */
+	hm2_engine_get_histogram(engine, HM2_STAGES + 2, &histogram);
+	CHECK_EQUAL(histogram.count, 41);
+	CHECK_EQUAL(histogram.maximum_ns, UINT32_MAX);
 	hm2_engine_reset_trace(engine);
 	CHECK_EQUAL(hm2_engine_slowest(engine, slowest, HM2_ENGINE_SLOWEST), 0);
 	close_engine();
@@ -335,6 +382,7 @@ int main(void)
 	test_an_axis_needs_numbers_that_exist();
 	test_settings_that_no_cycle_took_are_not_put_over_later_ones();
 	test_a_record_holds_as_many_words_as_there_is_room_for();
+	test_a_word_that_a_record_could_not_take_in_is_not_fresh();
 	test_rings_that_cannot_be();
 	test_the_slowest_cycles_are_kept();
 	return CHECK_RESULT();

@@ -18,6 +18,10 @@ static void test_wakes_are_counted_and_missed_periods_left_out(void)
 	hm2_histogram_reset(&lateness);
 	hm2_floor_wake(100, 0, 20, &lateness); /* no thread wakes that often */
 	CHECK_EQUAL(lateness.count, 20);
+	hm2_histogram_reset(&lateness);
+	hm2_floor_wake(200000, 200000, 20, &lateness); /* awake all the time, and never too early */
+	CHECK_EQUAL(lateness.count, 20);
+	CHECK(lateness.minimum_ns >= 0);
 }
 
 static void test_a_failure_ends_a_measurement(void)
