@@ -3,7 +3,7 @@
 
 static uint64_t run(uint64_t data, uint32_t shift, uint32_t bits)
 {
-	if (bits == 0 || shift > 63)
+	if (shift > 63)
 		return 0;
 	return (data >> shift) & (bits > 63 ? UINT64_MAX : (UINT64_C(1) << bits) - 1);
 }

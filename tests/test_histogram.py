@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hostmot2._core import lib
+from hostmot2._core import ffi, lib
 from hostmot2.histogram import Histogram
 
 times = st.lists(st.one_of(st.integers(0, 300), st.integers(0, 2**40 - 1)), min_size=1, max_size=200)
@@ -82,3 +82,12 @@ def test_repr_is_one_line_in_microseconds():
     assert repr(Histogram([1000] * 99 + [2000])) == (
         "Histogram of 100 (us): min 1.00  p50 1.00  p99 1.00  p99.9 2.00  max 2.00"
     )
+
+
+@pytest.mark.parametrize("percent", [-0.1, 100.1, math.nan])
+def test_there_is_no_percentile_outside_of_all_or_of_nothing(percent):
+    histogram = ffi.new("hm2_histogram *")
+    assert lib.hm2_histogram_percentile(histogram, 50) == -1
+    lib.hm2_histogram_record(histogram, 7)
+    assert lib.hm2_histogram_percentile(histogram, 50) == 7
+    assert lib.hm2_histogram_percentile(histogram, percent) == -1

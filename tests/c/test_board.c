@@ -1,5 +1,7 @@
 /* The board over a bus that notes what reaches it: checks, the two halves, counters, closing. */
+#include <pthread.h>
 #include <string.h>
+#include <time.h>
 
 #include "check.h"
 #include "hm2.h"
@@ -134,8 +136,41 @@ static void test_closing_happens_once_and_ends_everything(void)
 	hm2_board_free(NULL);
 }
 
+struct waiting {
+	struct hm2_board *board;
+	int status;
+};
+
+static void *read_one(void *self)
+{
+	struct waiting *waiting = self;
+	uint32_t word;
+	waiting->status = hm2_read(waiting->board, 0x100, &word, 1, NULL);
+	return NULL;
+}
+
+/* What it waited for is gone, and the bus with it. */
+static void test_who_waits_for_a_board_that_is_closed_gets_nothing(void)
+{
+	struct bus bus;
+	struct waiting waiting = {board_on(&bus), HM2_OK};
+	const struct timespec a_while = {0, 20000000};
+	uint32_t word;
+	const hm2_transfer transfer = {0x100, 1, HM2_TRANSFER_READ, &word};
+	pthread_t thread;
+	CHECK_EQUAL(hm2_begin(waiting.board, &transfer, 1, NULL), HM2_OK);
+	CHECK(pthread_create(&thread, NULL, read_one, &waiting) == 0);
+	nanosleep(&a_while, NULL);
+	hm2_board_close(waiting.board);
+	CHECK(pthread_join(thread, NULL) == 0);
+	CHECK_EQUAL(waiting.status, HM2_ERR_CLOSED);
+	CHECK_EQUAL(bus.begins, 1);
+	hm2_board_free(waiting.board);
+}
+
 int main(void)
 {
+	test_who_waits_for_a_board_that_is_closed_gets_nothing();
 	test_a_bad_transfer_keeps_the_whole_list_from_the_bus();
 	test_the_halves_come_in_pairs();
 	test_only_what_came_back_is_counted();

@@ -49,6 +49,8 @@ static void test_words_that_no_board_has(void)
 	REFUSED(HM2_ERR_CLOSED, hm2_write(box.board, 2, &word, 1, evidence));
 	REFUSED(HM2_ERR_CLOSED, hm2_read(box.board, 0, &word, 1, evidence));
 	REFUSED(HM2_ERR_CLOSED, hm2_finish(box.board, 0, evidence));
+	transfer = (hm2_transfer){0x100, 1, HM2_TRANSFER_READ, &word};
+	REFUSED(HM2_ERR_CLOSED, hm2_begin(box.board, &transfer, 1, evidence));
 	CHECK_EQUAL(hm2_board_now_ns(box.board), 0);
 	hm2_board_pause_ns(box.board, 1000);
 	CHECK_EQUAL(box.now_ns, 0);

@@ -27,6 +27,9 @@ static void a_packet_that_does_not_fit_is_left_alone(void)
 
 	CHECK(hm2_lbp16_put(packet, sizeof packet, &length, &write, data) == HM2_ERR_RANGE);
 	CHECK(length == 0 && packet[0] == 0);
+	length = sizeof packet + 1; /* what is there already is too long */
+	CHECK(hm2_lbp16_put(packet, sizeof packet, &length, &write, data) == HM2_ERR_RANGE);
+	CHECK(length == sizeof packet + 1);
 }
 
 static void reply_sizes_count_reads_only(void)
@@ -39,8 +42,23 @@ static void reply_sizes_count_reads_only(void)
 	CHECK(hm2_lbp16_reply_size((const uint8_t *)"\x80\x42\x00\x01", 4, &size) == HM2_ERR_FORMAT);
 }
 
+static void nothing_is_read_beyond_a_packet(void)
+{
+	const uint8_t cookie[4] = {0x01, 0x42, 0x00, 0x01};
+	hm2_lbp16_command command;
+	const uint8_t *data;
+
+	for (size_t offset = 3; offset < 6; offset++) {
+		size_t at = offset;
+
+		CHECK(hm2_lbp16_next(cookie, sizeof cookie, &at, &command, &data) == HM2_ERR_FORMAT);
+		CHECK(at == offset && data == NULL);
+	}
+}
+
 int main(void)
 {
+	nothing_is_read_beyond_a_packet();
 	command_words_are_those_of_the_sheet();
 	a_packet_that_does_not_fit_is_left_alone();
 	reply_sizes_count_reads_only();

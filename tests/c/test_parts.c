@@ -178,6 +178,12 @@ static void test_absolute_positions(void)
 	CHECK_EQUAL(none.data, 0xFF);
 	hm2_absolute_update(&beyond, UINT64_MAX);
 	CHECK_EQUAL(beyond.count, 0);
+	hm2_absolute upper = {.bits = 8, .high_shift = 4, .high_bits = 4}, wide = {.bits = 64, .low_bits = 60, .high_bits = 5};
+	hm2_absolute_update(&upper, 0x7F);
+	CHECK_EQUAL(upper.count, 7); /* its turns only */
+	hm2_absolute_update(&wide, 5); /* more than a count holds: the data are all there is */
+	CHECK_EQUAL(wide.count, 0);
+	CHECK_EQUAL(wide.data, 5);
 	hm2_absolute_update(&all, 5);
 	hm2_absolute_update(&all, 3);
 	CHECK_EQUAL(all.count, 3);
