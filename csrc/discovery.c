@@ -230,7 +230,7 @@ static int read_record(const struct reader *reader, const hm2_toc_record *ptoc, 
 /* The pointers first, to their end: a loop must be found before its records are read for ever. */
 static int read_pointers(struct reader *reader, uint32_t pointer, uint16_t *pointers, size_t *count)
 {
-	for (size_t i = 0; i <= HM2_TOC_ENTRIES; i++) {
+	for (size_t i = 0;; i++) {
 		uint8_t bytes[2];
 		const uint32_t at = pointer + 2 * (uint32_t)i;
 		reader->entry = (int)i;

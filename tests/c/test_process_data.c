@@ -125,6 +125,10 @@ static void images_that_cannot_be_are_refused(void)
 	CHECK_EQUAL(hm2_process_data_new(&field, 1, &image, &no_image, &value, &raw, &data, NULL), HM2_ERR_RANGE);
 	image = (hm2_image){words, 6, UINT32_MAX, 3, UINT32_MAX, 1};
 	CHECK_EQUAL(hm2_process_data_new(&field, 1, &image, &no_image, &value, &raw, &data, NULL), HM2_ERR_RANGE);
+	image = (hm2_image){words, 6, 0, 3, 3, 1}; /* words of no channel, channels of no words */
+	CHECK_EQUAL(hm2_process_data_new(NULL, 0, &image, &no_image, NULL, NULL, &data, NULL), HM2_ERR_RANGE);
+	image = (hm2_image){words, 0, 2, 3, 3, 1};
+	CHECK_EQUAL(hm2_process_data_new(&field, 1, &image, &no_image, &value, &raw, &data, NULL), HM2_ERR_RANGE);
 	image = (hm2_image){NULL, 6, 2, 3, 3, 1};
 	CHECK_EQUAL(hm2_process_data_new(&field, 1, &image, &no_image, &value, &raw, &data, NULL), HM2_ERR_RANGE);
 	CHECK_EQUAL(hm2_process_data_new(&field, 1, &no_image, &no_image, &value, &raw, &data, NULL), HM2_ERR_RANGE);
@@ -187,8 +191,122 @@ static void bulk_refuses_what_lies_outside_a_record(void)
 	CHECK_EQUAL(error.index, -1);
 }
 
+/* ---- counters ---- */
+
+static uint32_t counts[3];
+static double places[4];
+static uint64_t raws[4];
+
+static struct hm2_process_data *fields_of(const hm2_field *fields, size_t count)
+{
+	const hm2_image image = {counts, 3, 1, 3, 3, 1};
+	struct hm2_process_data *data = NULL;
+	CHECK_EQUAL(hm2_process_data_new(fields, count, &image, &image, places, raws, &data, NULL), HM2_OK);
+	return data;
+}
+
+static hm2_field counter_at(uint32_t offset)
+{
+	return (hm2_field){.kind = HM2_FIELD_ENCODER, .partner = -1, .bits = 16, .offset = offset, .scale = 1};
+}
+
+static void only_a_counter_can_be_zeroed(void)
+{
+	const hm2_field fields[] = {{.kind = HM2_FIELD_PAD, .partner = -1, .bits = 16},
+	                            {.kind = HM2_FIELD_UNSIGNED, .direction = HM2_FIELD_OUTPUT, .partner = -1, .bits = 8,
+	                             .offset = 64, .scale = 255, .high = 255},
+	                            counter_at(32)};
+	struct hm2_process_data *data = fields_of(fields, 3);
+	counts[1] = 40;
+	hm2_process_data_unpack(data);
+	CHECK(places[2] == 40.0);
+	for (size_t i = 0; i < 2; i++)
+		CHECK_EQUAL(hm2_process_data_zero(data, i, NULL), HM2_OK);
+	hm2_process_data_unpack(data);
+	CHECK(places[2] == 40.0);
+	CHECK_EQUAL(hm2_process_data_zero(data, 2, NULL), HM2_OK);
+	hm2_process_data_unpack(data);
+	CHECK(places[2] == 0.0);
+	hm2_process_data_free(data);
+}
+
+/* What a counter has counted beyond its register, 65536 + 10, goes to the one that takes its place, and to no other. */
+static double carried_on(const hm2_field *to_fields, size_t count, size_t index)
+{
+	const hm2_field fields[] = {{.kind = HM2_FIELD_PAD, .partner = -1, .bits = 16},
+	                            {.kind = HM2_FIELD_UNSIGNED, .direction = HM2_FIELD_OUTPUT, .partner = -1, .bits = 8,
+	                             .offset = 64, .scale = 255, .high = 255},
+	                            counter_at(0)};
+	struct hm2_process_data *from = fields_of(fields, 3), *to = fields_of(to_fields, count);
+	for (uint32_t count_now = 0; count_now <= 65546; count_now += 16384) {
+		counts[0] = counts[1] = count_now & 0xFFFF;
+		hm2_process_data_unpack(from);
+	}
+	counts[0] = counts[1] = 10;
+	hm2_process_data_unpack(from);
+	CHECK(places[2] == 65546.0);
+	hm2_process_data_carry_on(to, from);
+	hm2_process_data_unpack(to);
+	hm2_process_data_free(from);
+	hm2_process_data_free(to);
+	return places[index];
+}
+
+static void a_counter_goes_on_where_its_predecessor_was(void)
+{
+	hm2_field same[] = {{.kind = HM2_FIELD_PAD, .partner = -1, .bits = 16},
+	                    {.kind = HM2_FIELD_UNSIGNED, .direction = HM2_FIELD_OUTPUT, .partner = -1, .bits = 8,
+	                     .offset = 64, .scale = 255, .high = 255},
+	                    counter_at(0), counter_at(32)};
+	const hm2_field before[] = {counter_at(32), same[0], counter_at(0)};
+	const hm2_field later[] = {same[0], same[1], same[0], counter_at(0)};
+	CHECK(carried_on(same, 3, 2) == 65546.0);
+	CHECK(carried_on(same, 4, 2) == 65546.0);
+	CHECK(carried_on(same, 4, 3) == 10.0);
+	CHECK(carried_on(same + 3, 1, 0) == 10.0); /* another number of fields: none is at its place */
+	CHECK(carried_on(before, 3, 2) == 10.0);   /* another counter comes first, which is none of the two */
+	CHECK(carried_on(before, 3, 0) == 10.0);
+	CHECK(carried_on(later, 4, 3) == 10.0);
+}
+
+/* ---- columns at the ends of what there is ---- */
+
+static void scales_near_the_ends_of_doubles_are_exact(void)
+{
+	static const double scales[] = {3e-307, -3e-307, 1e305, -1e305};
+	uint32_t record[40] = {0};
+	double values[40];
+	for (uint32_t i = 0; i < 40; i++)
+		record[i] = 0x9E3779B9u * (i + 1) & 0xFFF;
+	for (size_t s = 0; s < 4; s++) {
+		const hm2_column column = {.data = values, .type = HM2_COLUMN_F64, .kind = HM2_FIELD_UNSIGNED, .bits = 12,
+		                           .word_stride = 1, .scale = scales[s]};
+		CHECK_EQUAL(hm2_bulk_decode((const uint8_t *)record, 4, 1, 40, &column, 1, NULL), HM2_OK);
+		for (uint32_t i = 0; i < 40; i++)
+			CHECK(values[i] == record[i] * scales[s] / 4095.0);
+	}
+}
+
+static void raw_words_are_taken_from_where_they_lie(void)
+{
+	uint32_t records[3][2] = {{0x11223344, 0x55667788}, {1, 2}, {0xFFFF0000, 0x0000FFFF}}, words[3];
+	for (uint32_t offset = 0; offset <= 32; offset += 8) {
+		const hm2_column column = {.data = words, .type = HM2_COLUMN_U32, .kind = HM2_FIELD_STREAM, .bits = 32,
+		                           .offset = offset, .word_stride = 1};
+		CHECK_EQUAL(hm2_bulk_decode((const uint8_t *)records, 8, 2, 3, &column, 1, NULL), HM2_OK);
+		for (int i = 0; i < 3; i++) {
+			const uint64_t whole = records[i][0] | (uint64_t)records[i][1] << 32;
+			CHECK_EQUAL(words[i], (uint32_t)(whole >> offset));
+		}
+	}
+}
+
 int main(void)
 {
+	only_a_counter_can_be_zeroed();
+	a_counter_goes_on_where_its_predecessor_was();
+	scales_near_the_ends_of_doubles_are_exact();
+	raw_words_are_taken_from_where_they_lie();
 	analog_7i77_packs_to_the_published_words();
 	extremes_of_place_and_width();
 	fields_that_cannot_be_are_refused();
