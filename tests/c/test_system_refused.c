@@ -67,6 +67,7 @@ static void test_a_mapped_file_says_why_it_cannot_be_had(void)
 	CHECK_EQUAL(error.expected, HM2_ADDRESS_SPACE);
 	CHECK_EQUAL(error.received, HM2_ADDRESS_SPACE - 1);
 	CHECK_EQUAL(map_card(&error), HM2_OK);
+	CHECK_EQUAL(open_map("/dev/zero", &error), HM2_OK); /* a device has no size */
 	unlink(card_file);
 }
 
@@ -235,11 +236,20 @@ static void test_a_reply_that_cannot_be_sent(void)
 
 static struct hm2_udp_floor *udp_floor;
 
+static size_t floor_request = 16;
+static uint32_t floor_window = 2;
+
 static int exchange_with_floor(hm2_error *error)
 {
 	static const uint8_t request[16];
 	uint64_t ns[2];
-	return hm2_udp_floor_exchanges(hm2_udp_floor_port(udp_floor), request, sizeof request, 0, 2, 2, ns, error);
+	return hm2_udp_floor_exchanges(hm2_udp_floor_port(udp_floor), request, floor_request, 0, floor_window, 2, ns, error);
+}
+
+static int look_at_a_socket(hm2_error *error)
+{
+	uint64_t ns[2];
+	return hm2_udp_floor_looks(2, ns, error);
 }
 
 static void test_a_floor_that_cannot_be_had(void)
@@ -254,6 +264,16 @@ static void test_a_floor_that_cannot_be_had(void)
 	CHECK_EQUAL(exchange_with_floor(&error), HM2_OK);
 	for (int i = 0; i < 4; i++)
 		check_refused(exchange_with_floor, exchanges[i], ENETDOWN, "udp floor", 0);
+	refuse(RECV, EINTR, 1); /* a signal: what comes behind it counts */
+	CHECK_EQUAL(exchange_with_floor(&error), HM2_OK);
+	CHECK_EQUAL(refused_times, 0);
+	floor_window = 1; /* no datagram ahead of the one that is timed */
+	check_refused(exchange_with_floor, SEND, ENETDOWN, "udp floor", 0);
+	check_refused(look_at_a_socket, SOCKET, EMFILE, "udp floor", 0);
+	CHECK_EQUAL(look_at_a_socket(&error), HM2_OK);
+	floor_request = 15; /* shorter than any request: nothing comes back */
+	CHECK_EQUAL(exchange_with_floor(&error), HM2_ERR_IO);
+	CHECK_EQUAL(error.os_errno, ETIMEDOUT);
 	hm2_udp_floor_close(udp_floor);
 }
 
