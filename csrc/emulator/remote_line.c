@@ -110,16 +110,11 @@ static void take_byte(hm2_remote *remote, uint8_t value, int64_t heard_ps)
 	remote_receiver *rx = &remote->rx;
 	int between = rx->length == rx->need;
 
-	if (between && rx->length && value == rx->crc && remote->knob[HM2_REMOTE_CRC]) {
+	if (between && rx->length && value == rx->crc) { /* without CRC no frame is so far */
 		end_frame(remote, rx->length, heard_ps);
 		return;
 	}
-	if (rx->length == FRAME_MAX) {
-		remote_set_status(remote, HM2_LBP_STATUS_BUFFER);
-		discard_until_gap(remote);
-		return;
-	}
-	rx->frame[rx->length++] = value;
+	rx->frame[rx->length++] = value; /* there is room: start_command leaves a place behind every command */
 	rx->crc = hm2_lbp_crc8_add(rx->crc, value);
 	if (between) {
 		after_parser_reset(rx);
