@@ -80,11 +80,14 @@ static void test_bytes_for_a_uart_queue_up(void)
 {
 	static const uint8_t bytes[] = {1, 2, 3};
 	start();
-	put(RX + HM2_UART_RX_BIT_RATE * STRIDE, FASTEST);
+	put(RX + HM2_UART_RX_BIT_RATE * STRIDE, 105); /* 3 ms a byte */
 	CHECK_EQUAL(hm2_emulator_uart_send(card, 0, bytes, 2), HM2_OK);
+	pass_ms(2);
 	CHECK_EQUAL(hm2_emulator_uart_send(card, 0, bytes + 2, 1), HM2_OK);
 	CHECK_EQUAL(hm2_emulator_uart_send(card, 0, NULL, 0), HM2_OK);
-	pass_ms(10);
+	pass_ms(6);
+	CHECK_EQUAL(get(RX + HM2_UART_RX_COUNT * STRIDE), 2);
+	pass_ms(2);
 	CHECK_EQUAL(get(RX + HM2_UART_RX_COUNT * STRIDE), 3);
 	for (uint32_t i = 1; i <= 3; i++)
 		CHECK_EQUAL(get(RX), i);
