@@ -10,6 +10,7 @@ import pytest
 import hostmot2
 from hostmot2.board import Board
 from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.emulator.cards import CardDescription
 from hostmot2.registers import OneshotTrigger
 from tests.modules.module_card import CLOCK_LOW, ModuleWords, module_card, pin
 from tests.modules.waveform import edges, high_time
@@ -198,3 +199,37 @@ def test_a_disabled_timers_pin_is_driven_no_more(board: Board, emulated: Emulate
     assert repr(board.oneshots[0]) == "<Oneshot 0 timers off, on>"
     first.enable = True
     assert emulated.pin(OUT_1).level == "0"
+
+
+SOFTWARE, FROM_DPLL, FROM_RATE = 1, 3, 4
+ANY_EDGE, ENABLE, RESET, OUTPUT, FIRE, TIMER_7 = 0x18, 0x40, 0x80, 0x100, 0x400, 0x7000
+WITHOUT_DPLL = module_card(
+    ModuleWords(ONESHOT, BASE, 6, instances=1, multiple=0x3F),
+    pins=tuple(pin(ONESHOT, number) for number in (0x01, 0x02, 0x83, 0x84)),
+)
+
+
+@pytest.mark.parametrize(
+    ("card", "control", "fires"),
+    [
+        (CARD, SOFTWARE, True),
+        (CARD, SOFTWARE | RESET, False),
+        (CARD, FROM_DPLL, True),
+        (CARD, FROM_DPLL | TIMER_7, False),  # the DPLL has no such timer
+        (WITHOUT_DPLL, SOFTWARE, True),
+        (WITHOUT_DPLL, FROM_DPLL, False),
+        (CARD, FROM_RATE, False),  # of 0
+    ],
+)
+def test_what_shows_no_edge_starts_nothing(card: CardDescription, control: int, fires: bool) -> None:
+    emulated = EmulatedBoard(card, clock="virtual")
+    if card is CARD:
+        emulated.write(0x7000, 0x346D_C5D6)  # what 10 kHz need with this prescaler
+        emulated.write(0x7200, 0x0200_0000)
+        emulated.write(0x7300, 0x07D0_002A)
+    emulated.write(BASE, CLOCK_LOW // 10)  # for 0.1 s
+    emulated.write(CONTROL, control | ANY_EDGE | ENABLE)
+    emulated.advance(500.0)
+    emulated.write(CONTROL, control | ANY_EDGE | ENABLE | FIRE)
+    emulated.advance(10_000.0)
+    assert bool(emulated.read(CONTROL) & OUTPUT) is fires
