@@ -68,7 +68,7 @@ LEFT = (
         "another thread in between two instructions",
     ),
     (r"__builtin_cpu_supports", "another processor"),
-    (r"^csrc/bulk\.c.*(i < BLOCK|FILL\()", "a bound for the compiler"),
+    (r"^csrc/bulk\.c.*(i < BLOCK|FILL\()|!step \|\|", "a bound for the compiler"),
     (r"CPU_SET|fifo_priority > 0", "real-time scheduling: run by `make bench`"),
     (r"hm2_lbp16_next\(datagram->|sizeof error->where", "a safety belt on our own bytes"),
     (r"^hostmot2/_bound\.c", "what Python refuses its own callers"),

@@ -265,7 +265,7 @@ static int run_stored(hm2_remote *remote, uint8_t header, byte_source *data, rem
 	const uint8_t *step = take(&list, 1);
 
 	/* Nothing stored there, or the table is open for writing (7I77 manual: must be clear in operation). */
-	if (*step == 0 || remote->locals[HM2_LBP_LOCAL_RPC_MEMORY_ACCESS])
+	if (!step || *step == 0 || remote->locals[HM2_LBP_LOCAL_RPC_MEMORY_ACCESS])
 		return refuse(remote);
 	for (; step && *step; step = take(&list, 1)) {
 		if (LBP_KIND(*step) != HM2_LBP_KIND_DATA)
