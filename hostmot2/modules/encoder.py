@@ -6,6 +6,7 @@ the board's cycle. Source: fact sheets registers 2.4 and card_observed 4 and 5.
 
 from __future__ import annotations
 
+import math
 import warnings
 from typing import TYPE_CHECKING, Any
 
@@ -68,7 +69,7 @@ class Encoder:
 
     @scale.setter
     def scale(self, counts_per_unit: float) -> None:
-        if counts_per_unit == 0 or counts_per_unit != counts_per_unit:
+        if not math.isfinite(counts_per_unit) or counts_per_unit == 0:
             raise ValueError(
                 f"encoder {self.index}: scale {counts_per_unit} counts per unit makes no position"
             )

@@ -157,8 +157,9 @@ def test_settings_reach_the_registers(board: Board, emulated: EmulatedBoard) -> 
     assert board.read(0x3610) & 0x7FF8 & ~0x3000 == 1 << 14 | 1 << 11 | 1 << 10 | 1 << 9 | 1 << 7
     with pytest.raises(ValueError, match="filter rate"):
         module.filter_rate = 1.0
-    with pytest.raises(ValueError, match="scale"):
-        encoder.scale = 0.0
+    for no_scale in (0.0, float("inf"), float("nan")):
+        with pytest.raises(ValueError, match="scale"):
+            encoder.scale = no_scale
 
 
 @pytest.mark.parametrize("gate", ["none", "low", "high"])
