@@ -172,6 +172,8 @@ def test_a_minute_at_1_khz_without_a_fault_of_the_card(network, tmp_path):
             verdict, rounds = minute(network, directory, witness)
         except AssertionError as error:
             if witness.per_second <= MOST_STALLS:
+                longest_ms = max((1e3 * stall.seconds for stall in witness.stalls), default=0.0)
+                error.add_note(f"{witness.per_second:.1f} stalls a second, the longest {longest_ms:.1f} ms")
                 raise
             print(f"the machine stalls {witness.per_second:.0f} times a second: {error}")
             continue
