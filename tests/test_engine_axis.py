@@ -1,5 +1,6 @@
 """An axis of the engine: its settings while it runs and while it does not, and what it refuses."""
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -53,6 +54,14 @@ def test_a_commanded_velocity_is_fed_forward(engine: Any) -> None:
         engine.enable()
         step(engine, 3)
         assert axis.output == pytest.approx(2.0 * axis.error + 0.5 * 4.0)
+
+
+def test_an_axis_more_leaves_what_was_said_to_the_others(engine: Any) -> None:
+    first = axis_of(engine)
+    first.position = 1.5
+    second = engine.add_pid("y", feedback="encoder1.position", output="analogout1", p=1.0)
+    assert first.position == 1.5
+    assert math.isnan(second.position)
 
 
 def test_nothing_goes_out_before_it_is_said_where_an_axis_shall_be_not_even_in_the_next_run(

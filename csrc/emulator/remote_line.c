@@ -114,7 +114,12 @@ static void take_byte(hm2_remote *remote, uint8_t value, int64_t heard_ps)
 		end_frame(remote, rx->length, heard_ps);
 		return;
 	}
-	rx->frame[rx->length++] = value; /* there is room: start_command leaves a place behind every command */
+	if (rx->length == FRAME_MAX) { /* start_command leaves room; a bound on what the wire fills stays beside it */
+		remote_set_status(remote, HM2_LBP_STATUS_BUFFER);
+		discard_until_gap(remote);
+		return;
+	}
+	rx->frame[rx->length++] = value;
 	rx->crc = hm2_lbp_crc8_add(rx->crc, value);
 	if (between) {
 		after_parser_reset(rx);

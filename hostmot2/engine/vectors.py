@@ -70,7 +70,7 @@ class Vectors:
         """A command with no value until it is given one: nobody but the user knows where an axis shall be."""
         self.add_command(name)
         self._positions.append(len(self.outputs) - 1)
-        self.commands.array[self._positions] = np.nan
+        self.commands[name] = np.nan
 
     def take_commands(self) -> Doubles:
         """What shall go out: of the commands and what was told to cards, whatever has changed.
