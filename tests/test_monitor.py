@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from monitor_source import started_source
 
 import hostmot2
 from hostmot2 import recording
@@ -30,11 +31,8 @@ def card() -> EmulatedBoard:
 
 @pytest.fixture
 def source(card: EmulatedBoard) -> Iterator[Source]:
-    with hostmot2.open(card) as board:
-        made = Source(board, start={}, modes={(0, 0): 2}, allow_write=True)
-        made.start()
+    with started_source(card, modes={(0, 0): 2}) as made:
         yield made
-        made.close()
 
 
 def field_io(card: EmulatedBoard) -> Any:

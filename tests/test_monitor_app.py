@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from monitor_source import started_source
 from textual.widgets import Input
 
 import hostmot2
@@ -32,12 +33,8 @@ def card() -> EmulatedBoard:
 
 @pytest.fixture
 def started(card: EmulatedBoard) -> Iterator[Source]:
-    """All remotes run, outputs may be armed."""
-    with hostmot2.open(card) as board:
-        source = Source(board, start={}, modes={(0, 0): 2}, allow_write=True)
-        source.start()
+    with started_source(card, modes={(0, 0): 2}) as source:
         yield source
-        source.close()
 
 
 @pytest.fixture

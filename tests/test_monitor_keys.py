@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from monitor_source import started_source
 from test_monitor_app import drive, field_io, screen, ticked, typed
 from textual.widgets import Input
 
@@ -31,12 +32,8 @@ def card() -> EmulatedBoard:
 
 @pytest.fixture
 def started(card: EmulatedBoard) -> Iterator[Source]:
-    """All remotes run, outputs may be armed."""
-    with hostmot2.open(card) as board:
-        source = Source(board, start={}, allow_write=True)
-        source.start()
+    with started_source(card) as source:
         yield source
-        source.close()
 
 
 def test_tab_goes_round_the_panels_but_not_behind_a_dialog(started: Source) -> None:
