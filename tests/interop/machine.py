@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -209,6 +209,18 @@ class Hal:
         for pid in self._of_this_session("rtapi_app"):
             os.kill(pid, signal.SIGKILL)
         assert until(lambda: not self._of_this_session("rtapi_app"), 10), "it is still there"
+
+    @contextlib.contextmanager
+    def held_up(self) -> Iterator[None]:
+        """LinuxCNC's real-time process does not run in this block, as on a machine that stalls."""
+        pids = self._of_this_session("rtapi_app")
+        for pid in pids:
+            os.kill(pid, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            for pid in pids:
+                os.kill(pid, signal.SIGCONT)
 
     def last_words(self) -> str:
         """End LinuxCNC, so that what its drivers have printed is there; the lines about the card."""

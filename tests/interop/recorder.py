@@ -12,6 +12,7 @@ import signal
 import subprocess
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -29,6 +30,8 @@ PERIOD = 0.001
 """Seconds, of LinuxCNC's thread."""
 PORT_STOPS = 200
 """Failed smart serial cycles, weighted, after which LinuxCNC stops a port."""
+PORT_STARTS = 3.0
+"""Seconds: LinuxCNC waits for 2.1 s for a command's end before it starts a port anew."""
 WATCHDOG = 0.025
 """Seconds: above the stalls of a shared machine. Behind a bite the encoders' multiplexer has no select, and
 counts are lost."""
@@ -39,11 +42,15 @@ LOST_UNTIL_STOPPED = 5
 LEAST = 0.00025
 """Seconds of stalls about an error that explain it: LinuxCNC waits 0.8 ms for a reply that takes 0.1 to 0.2.
 Short ones add up."""
+FIRST_DOIT_MISSED = "sserial.port-0.fault-count 0 -> 9"
+"""One failed cycle, +10 and -1: of a port that LinuxCNC was told to start anew."""
 RESTARTING = LOST_UNTIL_STOPPED + 1
 """Cycles: told to go on, LinuxCNC writes everything anew, misses replies meanwhile, and finds that the card's
 watchdog has bitten and cut off the remotes. Whether all of it comes back the plant's rounds tell."""
 NOTICED = 100
 """Cycles: a bite while LinuxCNC was stopped is known by the first reply that is not missed again."""
+SEEN = PORT_STARTS + 0.5
+"""Seconds: what a stopped port brings about is seen within that time."""
 BEFORE, AFTER = 0.003, 0.001
 """Seconds: an error is reported up to so long after its stall began to matter, and known to so much."""
 
@@ -116,7 +123,10 @@ class Recorder:
         self._hal, self._card, self._served = hal, card, served
         self._path = directory / "samples"
         self._moments: list[tuple[float, int, float]] = []
-        self.recoveries = self.bites = 0
+        self.recoveries: list[float] = []
+        """When LinuxCNC was told to go on, on the witness's clock."""
+        self.remote_faults: list[float] = []
+        """When the remotes' own watchdog was seen to have bitten, on the same clock."""
         self._stopping = threading.Event()
         self._watcher = threading.Thread(target=self._watch, daemon=True)
 
@@ -157,7 +167,9 @@ class Recorder:
     def _watch(self) -> None:
         """Until the recorder stops: after an error that stops things, do what the manuals tell the user.
 
-        hm2_eth(9), hostmot2(9), sserial(9). At once, so that no 16-bit counter turns over unseen.
+        hm2_eth(9), hostmot2(9), sserial(9). At once, so that no 16-bit counter turns over unseen. Remotes
+        that got no DOIT for 50 ms keep their outputs off until their port is started anew (sserial.md 11),
+        and LinuxCNC goes on without a word on any pin: the card is asked.
         """
         bitten = BITTEN + 1
         while not self._stopping.wait(0.1):
@@ -173,12 +185,15 @@ class Recorder:
     def _recover_if_stopped(self, port: str, bitten: int) -> None:
         pins = self._hal.pins(self._card)
         stopped = pins[f"{self._card}.io_error"] or pins[f"{self._card}.watchdog.has_bit"]
-        if not stopped and pins[f"{port}.fault-count"] < PORT_STOPS:
+        starting = self.recoveries and time.monotonic() < self.recoveries[-1] + PORT_STARTS
+        faulted = not starting and self._served.get("fault") != 0
+        if not stopped and not faulted and pins[f"{port}.fault-count"] < PORT_STOPS:
             return
-        self.recoveries += 1
-        self.bites += round(pins[f"{self._card}.watchdog.has_bit"])
+        if faulted:
+            self.remote_faults.append(time.monotonic())
         self._hal.halcmd(f"setp {self._card}.io_error 0", f"sets sample{bitten} 0", f"setp {port}.run 0")
         time.sleep(0.05)
+        self.recoveries.append(time.monotonic())
         self._hal.halcmd(f"setp {port}.run 1")
 
     def stop(self) -> tuple[int, int]:
@@ -235,9 +250,17 @@ class Verdict:
     longest_ms: float
 
 
-def judge(cycles: list[Cycle], start: float, stalls: list[Stall]) -> Verdict:
-    """Each rise of a number by which LinuxCNC says that something went wrong."""
+def judge(
+    cycles: list[Cycle],
+    start: float,
+    stalls: list[Stall],
+    recoveries: Sequence[float] = (),
+    remote_faults: Sequence[float] = (),
+) -> Verdict:
+    """Each rise of a number by which LinuxCNC says that something went wrong, each fault of the remotes."""
     at = start + np.array([cycle.seconds for cycle in cycles])
+    # no card can make a cycle so long: LinuxCNC waits 0.8 ms for it
+    stalls = stalls + [Stall(float(at[n - 1]), float(at[n])) for n in held_up(cycles)]
     lost = _seconds_lost(at, stalls)
     bites = _seconds_lost(at, [stall for stall in stalls if stall.seconds >= BITE])
     explained, unexplained = 0, []
@@ -248,10 +271,17 @@ def judge(cycles: list[Cycle], start: float, stalls: list[Stall]) -> Verdict:
         lately = cycles[max(0, number - (NOTICED if bitten else RESTARTING)) : number]
         if not wrong or any(earlier.stopped for earlier in lately):
             continue
+        if wrong == [FIRST_DOIT_MISSED] and any(0 < at[number] - told < SEEN for told in recoveries):
+            continue
         if bites[number] >= BITE if bitten else lost[number] >= LEAST:
             explained += 1
         else:
             unexplained.append(f"{', '.join(wrong)} at {cycle.seconds:.3f} s")
+    silent = [stall for stall in stalls if stall.seconds >= BITE]
+    silent += [Stall(float(at[n - 1]), float(at[n])) for n in range(1, len(cycles)) if cycles[n].stopped]
+    for seen in remote_faults:
+        if not any(stall.start < seen < stall.end + SEEN for stall in silent):
+            unexplained.append(f"fault of the remotes at {seen - start:.3f} s")
     longest = max((stall.seconds for stall in stalls), default=0.0)
     excusable = float(np.mean(lost >= LEAST))
     return Verdict(len(cycles), explained, tuple(unexplained), round(excusable, 3), round(longest * 1e3, 2))
@@ -275,16 +305,26 @@ def _seconds_lost(at: npt.NDArray[np.float64], stalls: list[Stall]) -> npt.NDArr
     return np.cumsum(change)[:-1]
 
 
+def held_up(cycles: list[Cycle]) -> list[int]:
+    """Cycles that took so long that the card's watchdog may have bitten, and LinuxCNC does not know.
+
+    For a reply missed meanwhile it writes everything anew, the watchdog's status too, before it reads it: no
+    pin tells of the bite, all works again, and counts are lost. Seen with stalls made on purpose.
+    """
+    return [n for n in range(1, len(cycles)) if cycles[n].seconds - cycles[n - 1].seconds >= BITE]
+
+
 def counts_wrong(cycles: list[Cycle], rate: float) -> list[int]:
     """Cycles that brought a count of encoder 0 which it did not have between the cycle before and this one.
 
     It turns steadily from its first movement to its last. A cycle without a reply repeats the count before.
-    Nothing is said of the cycles in which it was stopped.
+    Nothing is said of the cycles in which it was stopped or the card's watchdog may have bitten unseen.
     """
+    unsaid = {n for n, cycle in enumerate(cycles) if cycle.stopped} | set(held_up(cycles))
     moves = [n for n in range(1, len(cycles)) if cycles[n].counts[0] != cycles[n - 1].counts[0]]
     wrong: list[int] = []
     for last, now in pairwise(moves[1:-1]):
-        if now - last > LOST_UNTIL_STOPPED or any(cycle.stopped for cycle in cycles[last - 1 : now + 1]):
+        if now - last > LOST_UNTIL_STOPPED or not unsaid.isdisjoint(range(last - 1, now + 1)):
             continue
         moved = cycles[now].counts[0] - cycles[last].counts[0]
         least = rate * (cycles[now - 1].seconds - cycles[last].seconds)

@@ -11,10 +11,11 @@ import os
 import random
 import sys
 import time
+from collections.abc import Callable
 
 import pytest
 from machine import CARD_IP, MAC, Hal, HalError, Network, ServedCard, run, until
-from recorder import WATCHDOG, Recorder, Verdict, Witness, counts_wrong, judge
+from recorder import WATCHDOG, Recorder, Verdict, Witness, counts_wrong, held_up, judge
 
 from hostmot2.registers import Watchdog
 
@@ -90,21 +91,25 @@ class Plant:
         self.card.set("input", inputs)
         for n, rate in enumerate(self.rates):
             self.card.set(f"encoder{n}_rate", rate)
-        assert until(lambda: self.card.get("output") == outputs), (
+        assert self.until(lambda: self.card.get("output") == outputs), (
             f"field outputs: {round(self.card.get('output')):04x} on the card, LinuxCNC sends {outputs:04x}; "
-            f"{counted(self.hal)}"
+            f"{counted(self.hal)}, the card's remotes have fault {self.card.get('fault'):g}"
         )
-        assert until(
+        assert self.until(
             lambda: all(abs(got - set) <= VOLTS for got, set in zip(self.volts(), volts, strict=True))
         ), f"analog outputs: {self.volts()} V on the card, LinuxCNC sends {volts}; {counted(self.hal)}"
-        assert until(lambda: self.inputs() == inputs), (
+        assert self.until(lambda: self.inputs() == inputs), (
             f"field inputs: LinuxCNC reads {self.inputs():08x}, the card has {inputs:08x}; "
             f"{counted(self.hal)}"
         )
-        assert until(self.velocities_right), (
+        assert self.until(self.velocities_right), (
             f"velocities: {self.velocities()} at {self.rates}; {counted(self.hal)}"
         )
         self.rounds += 1
+
+    def until(self, condition: Callable[[], bool]) -> bool:
+        """Behind an error that stopped a port LinuxCNC waits for more than 2 s before it starts it anew."""
+        return until(condition, 8.0)
 
     def volts(self) -> list[float]:
         return [self.card.get(f"analogout{n}") for n in range(6)]
@@ -123,8 +128,8 @@ class Plant:
             abs(got - rate) <= (2 if rate in SLOW_RATES else 20 + abs(rate) * 0.01) for got, rate in pairs
         )
 
-    def counts_right(self) -> None:
-        """Stopped, the counts are where the encoders are."""
+    def counts_right(self) -> bool:
+        """Whether the counts, stopped, are where the encoders are."""
         for n in range(6):
             self.card.set(f"encoder{n}_rate", 0)
         offsets = [self.card.get(f"encoder{n}_position") for n in range(6)]
@@ -133,7 +138,7 @@ class Plant:
             pins = self.hal.pins(f"{CARD}.encoder")
             return [pins[f"{CARD}.encoder.0{n}.count"] for n in range(6)] == offsets
 
-        assert until(equal), (self.hal.pins(f"{CARD}.encoder"), offsets)
+        return self.until(equal)
 
 
 def faults(hal: Hal) -> dict[str, float]:
@@ -190,19 +195,25 @@ def minute(network, directory, witness) -> tuple[Verdict, int]:
     with ServedCard(network, directory) as card, Hal(network, directory) as hal, witness:
         load(hal, watchdog_ms=WATCHDOG * 1e3)
         with Recorder(hal, CARD, card, directory) as recorder:
-            requests, replies, rounds = record(hal, card, recorder)
+            requests, replies, rounds, counts_right = record(hal, card, recorder)
     cycles = recorder.cycles()
     assert len(cycles) > SECONDS * 990
-    verdict = judge(cycles, recorder.start_time(cycles), witness.stalls)
+    start = recorder.start_time(cycles)
+    verdict = judge(cycles, start, witness.stalls, recorder.recoveries, recorder.remote_faults)
     wrong = counts_wrong(cycles, STEADY_RATE)
     assert not wrong, f"replies with a count that the encoder never had, in cycles {wrong[:10]}"
     if not recorder.recoveries:  # who stops LinuxCNC makes it silent until it is told to go on
         assert (requests, replies) == (2 * len(cycles), len(cycles))  # none lost, none answered twice
+        # behind a bite the encoders' select pin floats, and meanwhile the first encoder of each pair counts
+        # the second one's lines, as on hardware
+        assert counts_right or held_up(cycles), (
+            f"counts at the end: {cycles[-1].counts}, not the encoders' own"
+        )
     return verdict, rounds
 
 
-def record(hal, card, recorder) -> tuple[int, int, int]:
-    """The minute itself: datagrams that the card got and sent in it, rounds of values."""
+def record(hal, card, recorder) -> tuple[int, int, int, bool]:
+    """The minute itself: datagrams that the card got and sent, rounds of values, whether counts are right."""
     go(hal)
     plant = Plant(hal, card)
     plant.enable()
@@ -210,12 +221,9 @@ def record(hal, card, recorder) -> tuple[int, int, int]:
     while time.monotonic() < end:
         plant.round()
         recorder.look()
-    # an error that stops LinuxCNC lets the card's watchdog bite, unseen by it: the encoders' select pin
-    # floats, and meanwhile the first encoder of each pair counts the second one's lines, as on hardware
-    if not recorder.recoveries:
-        plant.counts_right()
+    counts_right = bool(recorder.recoveries) or plant.counts_right()
     hal.halcmd("stop")
-    return *recorder.stop(), plant.rounds
+    return *recorder.stop(), plant.rounds, counts_right
 
 
 STEPS_PER_SECOND = 5000
@@ -335,6 +343,27 @@ def test_when_linuxcnc_is_killed_without_an_exit_the_watchdog_bites(card: Served
     hal.kill()
     outputs_go_off(card)
     assert has_bitten(network)
+
+
+@pytest.mark.timeout(200)
+def test_held_up_for_longer_than_the_remotes_wait_their_outputs_stay_off(card: ServedCard, hal: Hal):
+    """No pin of LinuxCNC tells of it. sserial(9): run from low to high re-enables what has faulted."""
+    start(hal, watchdog_ms=1000)
+    # it makes up for its cycles back to back, faster than DOITs; that it would count, and stop the port
+    hal.set_pins({f"{CARD}.sserial.port-0.fault-inc": 0})
+    drive_outputs(card, hal)
+    assert card.get("fault") == 0
+    with hal.held_up():
+        assert until(lambda: card.get("fault") != 0), "the remotes' watchdogs of 50 ms do not bite"
+    found = faults(hal)
+    assert found["watchdog.has_bit"] == found["io_error"] == 0
+    assert hal.pins(CARD)[f"{CARD}.sserial.port-0.port_state"] == 3  # LinuxCNC goes on
+    assert card.get("output") == card.get("analogena") == 0
+    hal.set_pins({f"{CARD}.sserial.port-0.run": 0})
+    assert until(lambda: hal.pins(CARD)[f"{CARD}.sserial.port-0.port_state"] == 0)
+    hal.set_pins({f"{CARD}.sserial.port-0.run": 1})
+    assert until(lambda: card.get("output") == 8), f"field outputs: {card.get('output')}, not 8"
+    assert card.get("fault") == 0
 
 
 @pytest.mark.timeout(200)
