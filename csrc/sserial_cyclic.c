@@ -61,6 +61,17 @@ static size_t list(const hm2_transfer *from, size_t count, hm2_transfer *transfe
 	return count;
 }
 
+/* What others wrote before, and did not see completed, is looked at like a DOIT in doubt: no result comes of it. */
+static void take_over(struct hm2_sserial *port)
+{
+	const uint32_t running = port->cyclic & port->started;
+	if (!port->busy || port->flying || !running || port->mode != HM2_SSERIAL_NORMAL)
+		return;
+	port->flying = running;
+	port->late = MAY_BE_LATE;
+	port->hidden = 1;
+}
+
 static size_t cyclic_reads(void *self, hm2_transfer *transfers, size_t capacity)
 {
 	struct hm2_sserial *port = self;
@@ -68,6 +79,7 @@ static size_t cyclic_reads(void *self, hm2_transfer *transfers, size_t capacity)
 	if (port->use == HM2_SSERIAL_USE_OTHERS)
 		return 0;
 	sserial_note_launch(port);
+	take_over(port);
 	if (!port->flying)
 		return 0;
 	sserial_compile(port, port->flying);

@@ -385,6 +385,37 @@ static void test_a_port_is_lent_when_its_doit_is_over(void)
 	tear_down();
 }
 
+static void check_that_doits_go_on(void)
+{
+	hm2_sserial_counters before, after;
+	hm2_sserial_get_counters(rig.mailbox.port, &before);
+	CHECK_EQUAL(step(20).off, 0);
+	CHECK_EQUAL(step(0).port_stale[0], 0);
+	hm2_sserial_get_counters(rig.mailbox.port, &after);
+	CHECK(after.doits - before.doits >= 18);
+}
+
+/* Whether a command that was lost on its way is over is to be seen. It was not: inputs stood still, and outputs on. */
+static void test_a_port_with_a_command_in_doubt_is_not_left_alone_for_ever(void)
+{
+	uint8_t byte;
+	const hm2_engine_config config = calm();
+	build(&config);
+	CHECK_EQUAL(hm2_sserial_start(rig.mailbox.port, 0x03, HM2_SSERIAL_NORMAL, NULL), 0);
+	rig.mailbox.fail_next = 1;
+	CHECK_EQUAL(hm2_sserial_doit(rig.mailbox.port, 0x03, NULL), HM2_ERR_IO); /* before the engine is started */
+	start_port();
+	check_that_doits_go_on();
+	CHECK_EQUAL(hm2_engine_lend_port(rig.engine, 0, 1), 0);
+	(void)step(3);
+	CHECK_EQUAL(hm2_engine_lend_port(rig.engine, 0, 1), 1);
+	rig.mailbox.fail_next = 1;
+	CHECK_EQUAL(hm2_sserial_read_local(rig.mailbox.port, 0, &byte, 1, NULL), HM2_ERR_IO);
+	hm2_engine_port_back(rig.engine, 0);
+	check_that_doits_go_on();
+	tear_down();
+}
+
 static void test_what_is_enabled_before_a_start_stays_off(void)
 {
 	const hm2_engine_config config = calm();
@@ -437,6 +468,7 @@ int main(void)
 	test_without_a_limit_a_port_is_never_given_up();
 	test_only_a_fault_of_the_remote_itself_turns_outputs_off();
 	test_a_port_is_lent_when_its_doit_is_over();
+	test_a_port_with_a_command_in_doubt_is_not_left_alone_for_ever();
 	test_what_is_enabled_before_a_start_stays_off();
 	test_an_abandoned_engine_stops_nothing();
 	return CHECK_RESULT();
