@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#define DOIT_HUNG (-1) /* values of HM2_EVENT_PORT_GIVEN_UP */
+#define CHANNELS_STOPPED (-2)
 #define LEAVING_CYCLES 4 /* zeroes are packed in the first, sent in the second, and a DOIT may have been too soon */
 
 void engine_event(struct hm2_engine *engine, int kind, int index, int status, int64_t value, const uint32_t words[4])
@@ -62,14 +64,14 @@ static void leave(struct hm2_engine *engine, uint32_t number)
 }
 
 /* A remote whose answers get lost may well hear: it is told the zeroes before nobody talks to it any more. Not where
- * the DOIT never ended (value < 0): there is no way to. */
+ * the DOIT never ended: there is no way to. */
 static void give_up(struct hm2_engine *engine, uint32_t number, int64_t value)
 {
 	engine_event(engine, HM2_EVENT_PORT_GIVEN_UP, (int)number, 0, value, NULL);
 	engine_off(engine, HM2_OFF_PORT);
 	engine_lend_no_more(&engine->ports[number]); /* or its DOIT would be held back */
 	engine->ports[number].leaving = LEAVING_CYCLES;
-	if (value < 0)
+	if (value == DOIT_HUNG)
 		leave(engine, number);
 }
 
@@ -86,6 +88,13 @@ static void take_faults(struct hm2_engine *engine, uint32_t number)
 			engine_off(engine, HM2_OFF_FAULT);
 	}
 	engine->status.events_lost += lost;
+}
+
+/* Whoever it was lent to may have stopped channels, or a command that hung has: nothing of theirs would be fresh again. */
+static int still_runs(const struct engine_port *port)
+{
+	const uint32_t running = port->port->mode == HM2_SSERIAL_NORMAL ? port->port->started : 0;
+	return !(port->started & ~running);
 }
 
 static void judge_port(struct hm2_engine *engine, uint32_t number)
@@ -113,7 +122,9 @@ static void judge_port(struct hm2_engine *engine, uint32_t number)
 		if (news < 0 || --port->leaving == 0)
 			leave(engine, number);
 	} else if (news < 0) {
-		give_up(engine, number, -1);
+		give_up(engine, number, DOIT_HUNG);
+	} else if (!still_runs(port)) {
+		give_up(engine, number, CHANNELS_STOPPED);
 	} else if (config->fault_limit && port->level >= config->fault_limit) {
 		give_up(engine, number, port->level);
 	} else {

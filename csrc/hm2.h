@@ -1419,7 +1419,7 @@ enum hm2_engine_event_kind {
 	HM2_EVENT_FAILED,        /* an exchange failed (status); the first of a series */
 	HM2_EVENT_RECOVERED,     /* value = how many had failed */
 	HM2_EVENT_PORT_FAULT,    /* index = port * 8 + channel: words = CS, rising, fault word, rising of it */
-	HM2_EVENT_PORT_GIVEN_UP, /* index = port: fault bucket full (value = level) or DOIT hung (value = -1) */
+	HM2_EVENT_PORT_GIVEN_UP, /* index = port: fault bucket full (value = level), DOIT hung (-1), channels stopped (-2) */
 	HM2_EVENT_PORT_BACK,     /* index = port: it takes part again; outputs stay off */
 	HM2_EVENT_AXIS,          /* index = axis whose following error was exceeded */
 	HM2_EVENT_CONTROL        /* index = output that is not a number */

@@ -533,6 +533,16 @@ def test_a_port_that_is_not_the_engines_or_was_given_up_is_not_lent(
         pass
 
 
+def test_channels_stopped_while_their_port_was_lent_turn_outputs_off(board: Any) -> None:
+    with board.engine(dead_man=0) as engine:
+        run(engine, 3)
+        with engine.lend(board.sserial[0]):
+            board.sserial[0].stop(0x02)
+        assert run(engine, 1).off == Off.PORT
+        assert str(engine.events()[-2]).endswith("given up: its channels were stopped while it was lent")
+        assert run(engine, 4).status.ports_given_up == (True,)
+
+
 def test_stopping_while_a_port_is_asked_for_still_sends_the_zeroes(
     board: Any, emulated: EmulatedBoard
 ) -> None:

@@ -51,6 +51,9 @@ class EventKind(IntEnum):
     CONTROL = lib.HM2_EVENT_CONTROL
 
 
+_GIVEN_UP = {-1: "its DOIT never ended", -2: "its channels were stopped while it was lent"}
+
+
 @dataclass(frozen=True, slots=True)
 class Event:
     """time_ns is on the board's clock; index, status, value and words mean what hm2.h says of the kind."""
@@ -76,7 +79,7 @@ class Event:
             ),
             EventKind.PORT_GIVEN_UP: (
                 f"port {self.index} given up: "
-                + ("its DOIT never ended" if self.value < 0 else f"fault level {self.value}")
+                + _GIVEN_UP.get(self.value, f"fault level {self.value}")
             ),
             EventKind.PORT_BACK: f"port {self.index} is back",
             EventKind.AXIS: f"axis {self.index}: following error exceeded",

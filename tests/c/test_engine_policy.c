@@ -395,6 +395,13 @@ static void check_that_doits_go_on(void)
 	CHECK(after.doits - before.doits >= 18);
 }
 
+static void lend_port(void)
+{
+	CHECK_EQUAL(hm2_engine_lend_port(rig.engine, 0, 1), 0);
+	(void)step(3);
+	CHECK_EQUAL(hm2_engine_lend_port(rig.engine, 0, 1), 1);
+}
+
 /* Whether a command that was lost on its way is over is to be seen. It was not: inputs stood still, and outputs on. */
 static void test_a_port_with_a_command_in_doubt_is_not_left_alone_for_ever(void)
 {
@@ -406,14 +413,43 @@ static void test_a_port_with_a_command_in_doubt_is_not_left_alone_for_ever(void)
 	CHECK_EQUAL(hm2_sserial_doit(rig.mailbox.port, 0x03, NULL), HM2_ERR_IO); /* before the engine is started */
 	start_port();
 	check_that_doits_go_on();
-	CHECK_EQUAL(hm2_engine_lend_port(rig.engine, 0, 1), 0);
-	(void)step(3);
-	CHECK_EQUAL(hm2_engine_lend_port(rig.engine, 0, 1), 1);
+	lend_port();
 	rig.mailbox.fail_next = 1;
 	CHECK_EQUAL(hm2_sserial_read_local(rig.mailbox.port, 0, &byte, 1, NULL), HM2_ERR_IO);
 	hm2_engine_port_back(rig.engine, 0);
 	check_that_doits_go_on();
 	tear_down();
+}
+
+static int but_no_reading(struct mailbox *mailbox, uint32_t command)
+{
+	(void)mailbox;
+	return command >> 12 != 0x2;
+}
+
+/* Its inputs would stand still, and nothing would say so. */
+static void test_a_lent_port_that_comes_back_without_its_channels_is_given_up(void)
+{
+	uint8_t byte;
+	for (int hangs = 0; hangs < 2; hangs++) {
+		const hm2_engine_config config = calm();
+		build(&config);
+		start_port();
+		lend_port();
+		if (hangs) { /* all is stopped for it */
+			rig.mailbox.completes = but_no_reading;
+			CHECK_EQUAL(hm2_sserial_read_local(rig.mailbox.port, 0, &byte, 1, NULL), HM2_ERR_TIMEOUT);
+			CHECK_EQUAL(hm2_sserial_started(rig.mailbox.port), 0);
+		} else {
+			CHECK_EQUAL(hm2_sserial_stop(rig.mailbox.port, 0x02, NULL), HM2_OK);
+		}
+		hm2_engine_port_back(rig.engine, 0);
+		CHECK_EQUAL(step(1).off, HM2_OFF_PORT);
+		CHECK_EQUAL(last_event(HM2_EVENT_PORT_GIVEN_UP).value, -2);
+		CHECK_EQUAL(step(3).port_state[0], HM2_PORT_RUNNING); /* the zeroes go out to what still runs */
+		CHECK_EQUAL(step(1).port_state[0], HM2_PORT_GIVEN_UP);
+		tear_down();
+	}
 }
 
 static void test_what_is_enabled_before_a_start_stays_off(void)
@@ -469,6 +505,7 @@ int main(void)
 	test_only_a_fault_of_the_remote_itself_turns_outputs_off();
 	test_a_port_is_lent_when_its_doit_is_over();
 	test_a_port_with_a_command_in_doubt_is_not_left_alone_for_ever();
+	test_a_lent_port_that_comes_back_without_its_channels_is_given_up();
 	test_what_is_enabled_before_a_start_stays_off();
 	test_an_abandoned_engine_stops_nothing();
 	return CHECK_RESULT();
