@@ -24,7 +24,7 @@ static int exchange(struct hm2_engine *engine, int reads, int writes, int begun,
 static void compute(struct hm2_engine *engine, int status)
 {
 	engine_take_settings(engine);
-	engine_judge_outputs(engine, engine_take_outputs(engine));
+	engine_judge_outputs(engine);
 	if (status == HM2_OK || engine->status.off) {
 		engine_control(engine);
 		engine->elapsed_periods = 0;

@@ -157,20 +157,24 @@ static int is_stale(const struct hm2_engine *engine)
 	return limit && stale;
 }
 
-/* Enabling looks at nothing but the request: what still holds turns outputs off again before they are sent. */
-void engine_judge_outputs(struct hm2_engine *engine, int fresh)
+/* Enabling looks at nothing but the request: what still holds turns outputs off again before they are sent. Requests are
+ * looked at before outputs, as who enables has written first, and behind them, as who disables may write then. */
+void engine_judge_outputs(struct hm2_engine *engine)
 {
 	const int64_t now_ns = engine_now_ns(engine);
 	const uint32_t requests = atomic_exchange(&engine->requests, 0);
+	const int fresh = engine_take_outputs(engine);
 	if (fresh)
 		engine->refreshed_ns = now_ns;
 	if (requests & ENGINE_REQUEST_RESET_TRACE)
 		engine_clear_trace(engine);
 	if (requests & ENGINE_REQUEST_DISABLE)
 		engine_off(engine, HM2_OFF_USER);
-	else if (!(engine->status.off & HM2_OFF_STOP) &&
-	         (requests & ENGINE_REQUEST_ENABLE || (fresh && engine->status.off == HM2_OFF_IDLE)))
+	if (!(engine->status.off & HM2_OFF_STOP) &&
+	    (requests & ENGINE_REQUEST_ENABLE || (fresh && engine->status.off == HM2_OFF_IDLE)))
 		on(engine);
+	if (atomic_load(&engine->requests) & ENGINE_REQUEST_DISABLE)
+		engine_off(engine, HM2_OFF_USER);
 	engine->status.outputs_age_ns = now_ns - engine->refreshed_ns;
 	if (engine->config.dead_man_ns && engine->status.outputs_age_ns > engine->config.dead_man_ns &&
 	    !(engine->status.off & HM2_OFF_IDLE))
@@ -202,8 +206,10 @@ void hm2_engine_enable(struct hm2_engine *engine)
 	atomic_fetch_or(&engine->requests, ENGINE_REQUEST_ENABLE);
 }
 
+/* Both at once: first off, then on. */
 void hm2_engine_disable(struct hm2_engine *engine)
 {
+	atomic_fetch_and(&engine->requests, ~ENGINE_REQUEST_ENABLE);
 	atomic_fetch_or(&engine->requests, ENGINE_REQUEST_DISABLE);
 }
 

@@ -25,6 +25,7 @@ struct mailbox {
 	int64_t takes_ns; /* so long a command is at work */
 	int64_t done_ns; /* when the last one is over */
 	int64_t slow_ns; /* the next exchange takes so much longer */
+	void (*looked)(void); /* at each look at the clock */
 	struct hm2_board *board;
 	struct hm2_sserial *port;
 	hm2_error error;
@@ -86,7 +87,10 @@ static int mailbox_finish(void *self, int64_t deadline_ns, hm2_error *error)
 
 static int64_t mailbox_now_ns(void *self)
 {
-	return ((struct mailbox *)self)->now_ns;
+	struct mailbox *mailbox = self;
+	if (mailbox->looked)
+		mailbox->looked();
+	return mailbox->now_ns;
 }
 
 static void mailbox_pause_ns(void *self, int64_t ns)

@@ -181,6 +181,82 @@ static void test_as_many_overruns_in_a_row_as_are_allowed(void)
 	tear_down();
 }
 
+/* ---- at any moment of a cycle ---- */
+
+enum { MOMENTS = 40 };
+
+static int looks_left;
+static void (*act)(void);
+
+static void at_the_moment(void)
+{
+	if (looks_left-- == 0)
+		act();
+}
+
+static void write_and_enable(void)
+{
+	const double value = 9.0;
+	hm2_engine_write(rig.engine, &value);
+	hm2_engine_enable(rig.engine);
+}
+
+static void disable_and_write(void)
+{
+	const double value = 9.0;
+	hm2_engine_disable(rig.engine);
+	hm2_engine_write(rig.engine, &value);
+}
+
+/* What is put out from the moment on is one of both, in the end `last`. */
+static void check_out(int32_t style, int moment, void (*what)(void), uint32_t first, uint32_t last)
+{
+	hm2_engine_config config = calm();
+	config.style = style;
+	build(&config);
+	start();
+	if (first != 7) {
+		hm2_engine_disable(rig.engine);
+		(void)step(2);
+	}
+	act = what;
+	looks_left = moment;
+	rig.mailbox.looked = at_the_moment;
+	for (int i = 0; i < 8; i++) {
+		(void)step(1);
+		CHECK(rig.mailbox.words[OUT / 4] == first || rig.mailbox.words[OUT / 4] == last);
+	}
+	CHECK(looks_left < 0);
+	rig.mailbox.looked = NULL;
+	CHECK_EQUAL(rig.mailbox.words[OUT / 4], last);
+	tear_down();
+}
+
+static void test_outputs_written_before_enabling_come_with_it_and_none_written_behind_disabling(void)
+{
+	for (int moment = 0; moment < MOMENTS; moment++) {
+		const int32_t style = moment % 2 ? HM2_ENGINE_PIPELINED : HM2_ENGINE_READ_MODIFY_WRITE;
+		check_out(style, moment / 2, write_and_enable, 0, 9);
+		check_out(style, moment / 2, disable_and_write, 7, 0);
+	}
+}
+
+static void test_of_enabling_and_disabling_in_one_cycle_the_last_counts(void)
+{
+	const hm2_engine_config config = calm();
+	build(&config);
+	start();
+	hm2_engine_disable(rig.engine);
+	hm2_engine_enable(rig.engine);
+	(void)last_event(HM2_EVENT_ON);
+	CHECK_EQUAL(step(1).off, 0);
+	CHECK_EQUAL(last_event(HM2_EVENT_ON).kind, HM2_EVENT_ON); /* they were off: controllers begin anew */
+	hm2_engine_enable(rig.engine);
+	hm2_engine_disable(rig.engine);
+	CHECK_EQUAL(step(3).off, HM2_OFF_USER);
+	tear_down();
+}
+
 /* ---- ports ---- */
 
 static void start_port(void)
@@ -496,6 +572,8 @@ int main(void)
 	test_events_without_room_are_counted();
 	test_what_is_too_late_to_be_made_up_for_is_left_out();
 	test_as_many_overruns_in_a_row_as_are_allowed();
+	test_outputs_written_before_enabling_come_with_it_and_none_written_behind_disabling();
+	test_of_enabling_and_disabling_in_one_cycle_the_last_counts();
 	test_a_hung_doit_gives_its_port_up_and_the_others_run_on();
 	test_failed_transfers_fill_the_bucket_that_good_ones_empty();
 	test_a_doit_that_hangs_while_its_port_is_left_ends_that();
