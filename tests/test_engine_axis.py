@@ -64,6 +64,33 @@ def test_an_axis_more_leaves_what_was_said_to_the_others(engine: Any) -> None:
     assert math.isnan(second.position)
 
 
+@pytest.mark.parametrize("told", [0.0, 3.0])
+def test_what_a_card_was_told_before_an_axis_was_added_goes_out(told: float) -> None:
+    with hostmot2.open(EmulatedBoard("5i25+7i77", clock="virtual")) as board:
+        card = board.card("7i77")
+        card.start()
+        card.analog[1].volts = 3.0 - told
+        engine = board.engine(dead_man=0)
+        card.analog[1].volts = told
+        axis_of(engine).position = 0.0
+        with engine:
+            engine.write()
+            step(engine, 3)
+            assert engine.read().sent["analogout1"] == card.analog[1].volts == told
+
+
+def test_what_was_said_last_counts_also_behind_a_write_that_was_refused(engine: Any) -> None:
+    axis = axis_of(engine)
+    with engine:
+        engine.board.card("7i77").analog[1].volts = 5.0
+        with pytest.raises(ValueError, match=r"x\.position"):
+            engine.write()
+        axis.position = engine.outputs["analogout1"] = 0.0
+        engine.write()
+        step(engine, 3)
+        assert engine.read().sent["analogout1"] == 0.0
+
+
 def test_nothing_goes_out_before_it_is_said_where_an_axis_shall_be_not_even_in_the_next_run(
     engine: Any,
 ) -> None:

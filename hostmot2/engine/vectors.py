@@ -39,7 +39,9 @@ class Vectors:
         self.commands = Commands(names, np.zeros(len(names)))
         """What is to go out, by name."""
         self._positions: list[int] = []
+        self._mirrored = np.zeros(len(self.outputs))  # what the mirrors had when they were last looked at
         self._name()
+        self._mirrored = self._told()
         self.commands.array[self._has_mirror] = self._mirrored[self._has_mirror]
 
     def _name(self) -> None:
@@ -49,8 +51,12 @@ class Vectors:
         self._mirrors_in = signal.c_signals(self.inputs, mirrors=True)
         self._mirrors_out = signal.c_signals(self.outputs, mirrors=True)
         self._has_mirror = np.array([each.mirror is not None for each in self.outputs], bool)
-        self._mirrored = np.zeros(len(self.outputs))  # what the mirrors had when they were last looked at
-        lib.hm2_signals_load(self._mirrors_out, len(self.outputs), doubles(self._mirrored))
+        self._mirrored = np.append(self._mirrored, np.zeros(len(self.outputs) - len(self._mirrored)))
+
+    def _told(self) -> Doubles:
+        told = self._mirrored.copy()
+        lib.hm2_signals_load(self._mirrors_out, len(self.outputs), doubles(told))
+        return told
 
     def add_input(self, added: Signal) -> None:
         """One more input. Raises ValueError for a name there is."""
@@ -78,10 +84,10 @@ class Vectors:
         Raises ValueError for what is no finite number.
         """
         array, count = self.commands.array, len(self.outputs)
-        theirs = self._mirrored.copy()
-        lib.hm2_signals_load(self._mirrors_out, count, doubles(theirs))
+        theirs = self._told()
         changed = (theirs != self._mirrored) & self._has_mirror
         array[changed] = theirs[changed]
+        self._mirrored = theirs  # also if this is refused: what is said to `commands` from now on is newer
         if not np.isfinite(array).all():
             bad = [name for name, value in self.commands.items() if not np.isfinite(value)]
             raise ValueError(f"not a number: {', '.join(bad)}{self._say_where(bad)}")
