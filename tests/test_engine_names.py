@@ -56,6 +56,43 @@ def test_step_generators_are_commanded_by_name_and_off_when_it_stops(steppers: A
         assert run(engine, 20)["stepgen1.position"] == stands
 
 
+def test_a_step_generator_under_position_control_goes_nowhere_before_it_is_said_where(steppers: Any) -> None:
+    """One that stands at 2 must not run to 0, be it in an engine's first run or in the next."""
+    stepgen = steppers.stepgens[1]
+    stepgen.position_command, stepgen.enable = 2.0, True
+    for _ in range(200):
+        steppers.cycle.run()
+        lib.hm2_board_pause_ns(steppers.handle, 1_000_000)
+    engine = steppers.engine(1000, dead_man=0)
+    for _ in range(2):
+        with engine:
+            engine.outputs["stepgen1.enable"] = 1
+            for act in (engine.write, engine.enable):
+                with pytest.raises(ValueError, match=r"stepgen1\.position_command; .* say where each axis"):
+                    act()
+            for _ in range(100):
+                assert engine.step()["stepgen1.position"] == pytest.approx(2.0, abs=0.01)
+            engine.outputs["stepgen1.position_command"] = 2.5
+            assert run(engine, 200)["stepgen1.position"] == pytest.approx(2.5, abs=0.01)
+            engine.outputs["stepgen1.position_command"] = 2.0
+            assert run(engine, 200)["stepgen1.position"] == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_step_generator_that_is_put_under_position_control_stays_until_it_is_said_where(
+    steppers: Any,
+) -> None:
+    engine, stepgen = steppers.engine(1000, dead_man=0), steppers.stepgens[1]
+    with engine:
+        engine.outputs["stepgen1.enable"] = 1
+        engine.outputs["stepgen1.velocity_command"] = 20.0
+        stands = run(engine, 100)["stepgen1.position"]
+        stepgen.position_command = 5.0
+        with pytest.raises(ValueError, match=r"stepgen1\.position_command"):
+            engine.write()
+        for _ in range(100):
+            assert engine.step()["stepgen1.position"] == pytest.approx(stands, abs=0.1)
+
+
 def test_values_print_as_lines_and_are_counted(engine: Any) -> None:
     engine.outputs["analogout0"] = 2.5
     lines = repr(engine.outputs).splitlines()

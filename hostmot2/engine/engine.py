@@ -348,8 +348,8 @@ class Engine(EngineView):
         """A smart-serial port of the engine's, for the time of a with block: counters(), say.
 
         Its channels run on and get no transfer meanwhile, so be quick: 40 ms and their watchdogs bite.
-        Everything else goes on. A port that comes back with channels stopped is given up. Raises EngineError if
-        the engine does not run or the port's exchanges fail.
+        Everything else goes on. A port that comes back with channels stopped is given up. Raises EngineError
+        if the engine does not run or the port's exchanges fail.
         """
         return lend(self, port)
 

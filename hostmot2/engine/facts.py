@@ -78,8 +78,7 @@ class Event:
                 f"new 0x{self.words[1]:08X}{', transfer failed' if self.status else ''}"
             ),
             EventKind.PORT_GIVEN_UP: (
-                f"port {self.index} given up: "
-                + _GIVEN_UP.get(self.value, f"fault level {self.value}")
+                f"port {self.index} given up: " + _GIVEN_UP.get(self.value, f"fault level {self.value}")
             ),
             EventKind.PORT_BACK: f"port {self.index} is back",
             EventKind.AXIS: f"axis {self.index}: following error exceeded",

@@ -164,6 +164,12 @@ def stepgen_signals(board: Board) -> tuple[list[Signal], list[Signal]]:
     return inputs, outputs
 
 
+def stepgen_states(board: Board) -> list[tuple[str, Any]]:
+    """Name of the position command and `hm2_stepgen *` of the step generators that the program has used."""
+    stepgens = board.stepgens if "stepgens" in board._parts else ()
+    return [(f"stepgen{number}.position_command", each._state) for number, each in enumerate(stepgens)]
+
+
 def gpio_signals(board: Board) -> list[Signal]:
     """The levels of all pads, if the program has used the I/O ports: a word per port."""
     if "ioport" not in board._parts:

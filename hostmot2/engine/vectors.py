@@ -38,11 +38,13 @@ class Vectors:
         names = Names(each.name for each in self.outputs)
         self.commands = Commands(names, np.zeros(len(names)))
         """What is to go out, by name."""
-        self._positions: list[int] = []
+        self._steppers = [(names[name], state) for name, state in signal.stepgen_states(board)]
+        self._positions = [index for index, _ in self._steppers]
         self._mirrored = np.zeros(len(self.outputs))  # what the mirrors had when they were last looked at
         self._name()
         self._mirrored = self._told()
         self.commands.array[self._has_mirror] = self._mirrored[self._has_mirror]
+        self.commands.array[self._positions] = np.nan
 
     def _name(self) -> None:
         self.input_names = Names(each.name for each in self.inputs)
@@ -88,11 +90,21 @@ class Vectors:
         changed = (theirs != self._mirrored) & self._has_mirror
         array[changed] = theirs[changed]
         self._mirrored = theirs  # also if this is refused: what is said to `commands` from now on is newer
+        array = self._where_none_is_asked_for(array)
         if not np.isfinite(array).all():
-            bad = [name for name, value in self.commands.items() if not np.isfinite(value)]
+            bad = [name for name, index in self.output_names.items() if not np.isfinite(array[index])]
             raise ValueError(f"not a number: {', '.join(bad)}{self._say_where(bad)}")
         lib.hm2_signals_store(self._mirrors_out, count, doubles(array))
         self._mirrored[:] = array
+        return array
+
+    def _where_none_is_asked_for(self, array: Doubles) -> Doubles:
+        """A step generator under velocity control needs no position: where it is, should that ever count."""
+        idle = [each for each in self._steppers if not each[1].position_control and np.isnan(array[each[0]])]
+        if idle:
+            array = array.copy()
+        for index, state in idle:
+            array[index] = state.position
         return array
 
     def _say_where(self, names: list[str]) -> str:
