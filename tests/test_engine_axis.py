@@ -9,6 +9,7 @@ import pytest
 import hostmot2
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.engine import Off
+from hostmot2.engine.signals import Signal
 
 
 @pytest.fixture
@@ -62,6 +63,20 @@ def test_an_axis_more_leaves_what_was_said_to_the_others(engine: Any) -> None:
     second = engine.add_pid("y", feedback="encoder1.position", output="analogout1", p=1.0)
     assert first.position == 1.5
     assert math.isnan(second.position)
+
+
+def test_no_two_axes_have_names_that_differ_in_capitals_alone(engine: Any) -> None:
+    """Names are found in any capitals: one of them would follow the other's position."""
+    axis_of(engine).position = 1.0
+    for add in (
+        lambda: engine.add_pid("X", feedback="encoder1.position", output="analogout1"),
+        lambda: engine.add_command("X.Position"),
+        lambda: engine.add_input(Signal("Encoder0.Position")),
+    ):
+        with pytest.raises(ValueError, match="already"):
+            add()
+    with engine:
+        engine.write()
 
 
 @pytest.mark.parametrize("told", [0.0, 3.0])

@@ -78,6 +78,10 @@ class Names(Mapping[str, int]):
             raise KeyError(f"no signal {name!r}" + (f": {', '.join(several)}" if several else ""))
         return index
 
+    def has(self, name: str) -> bool:
+        """Whether this is a whole name, in any capitals."""
+        return name.casefold() in (each.casefold() for each in self.names)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self.names)
 

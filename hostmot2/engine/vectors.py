@@ -62,14 +62,14 @@ class Vectors:
 
     def add_input(self, added: Signal) -> None:
         """One more input. Raises ValueError for a name there is."""
-        if added.name in list(self.input_names):
+        if self.input_names.has(added.name):
             raise ValueError(f"there is an input {added.name!r} already")
         self.inputs.append(added)
         self._name()
 
     def add_command(self, name: str) -> None:
         """One more output, for controllers only. Raises ValueError for a name there is."""
-        if name in list(self.output_names):
+        if self.output_names.has(name):
             raise ValueError(f"there is an output {name!r} already")
         self.outputs.append(Signal(name, hold=True))
         self._name()
