@@ -10,9 +10,10 @@ static int exchange(struct hm2_engine *engine, int reads, int writes, int begun,
 	int status = cycle_begin(cycle, reads, writes, &error);
 	if (begun >= 0)
 		engine_stamp(engine, begun);
-	engine_plan_capture(engine, reads);
-	if (status == HM2_OK)
+	if (status == HM2_OK) {
+		engine_plan_capture(engine, reads);
 		status = cycle_await(cycle, hm2_board_now_ns(engine->board) + engine->config.reply_ns, &error);
+	}
 	engine_stamp(engine, replied);
 	if (status == HM2_OK)
 		engine_capture(engine, reads);

@@ -325,6 +325,24 @@ static void test_a_word_that_a_record_could_not_take_in_is_not_fresh(void)
 	hm2_record_ring_free(ring);
 }
 
+/* The board looks at it, and it never gets to the bus. */
+static void test_a_list_that_is_refused_is_not_recorded(void)
+{
+	static uint32_t word;
+	static hm2_cyclic_words beyond = {{HM2_ADDRESS_SPACE * 4u, 1, HM2_TRANSFER_WRITE, &word}, 1};
+	struct hm2_record_ring *ring = NULL;
+	uint32_t address;
+	CHECK_EQUAL(open_engine(NULL, 0, NULL, 0), HM2_OK);
+	add_words(&beyond);
+	CHECK_EQUAL(hm2_record_ring_new(4, hm2_engine_record_size(engine, 8), &ring, NULL), HM2_OK);
+	hm2_engine_set_record_ring(engine, ring, 8);
+	CHECK_EQUAL(hm2_engine_start(engine, NULL, NULL), HM2_OK);
+	CHECK_EQUAL(step(2).status, HM2_ERR_RANGE);
+	CHECK_EQUAL(hm2_engine_layout(engine, &address, 1), 0);
+	close_engine();
+	hm2_record_ring_free(ring);
+}
+
 static void test_rings_that_cannot_be(void)
 {
 	struct hm2_record_ring *ring = NULL;
@@ -383,6 +401,7 @@ int main(void)
 	test_settings_that_no_cycle_took_are_not_put_over_later_ones();
 	test_a_record_holds_as_many_words_as_there_is_room_for();
 	test_a_word_that_a_record_could_not_take_in_is_not_fresh();
+	test_a_list_that_is_refused_is_not_recorded();
 	test_rings_that_cannot_be();
 	test_the_slowest_cycles_are_kept();
 	return CHECK_RESULT();
