@@ -113,6 +113,7 @@ struct hm2_engine {
 
 	_Atomic uint32_t requests; /* ENGINE_REQUEST_* */
 	int64_t refreshed_ns;      /* when the outputs in use were taken over */
+	int has_outputs;           /* they are of this run */
 	int64_t due_ns;            /* start of the next cycle */
 	int64_t elapsed_periods;   /* since the cycle before */
 	int32_t overruns_in_a_row;

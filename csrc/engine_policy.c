@@ -164,13 +164,15 @@ void engine_judge_outputs(struct hm2_engine *engine)
 	const int64_t now_ns = engine_now_ns(engine);
 	const uint32_t requests = atomic_exchange(&engine->requests, 0);
 	const int fresh = engine_take_outputs(engine);
-	if (fresh)
+	if (fresh) {
 		engine->refreshed_ns = now_ns;
+		engine->has_outputs = 1;
+	}
 	if (requests & ENGINE_REQUEST_RESET_TRACE)
 		engine_clear_trace(engine);
 	if (requests & ENGINE_REQUEST_DISABLE)
 		engine_off(engine, HM2_OFF_USER);
-	if (!(engine->status.off & HM2_OFF_STOP) &&
+	if (!(engine->status.off & HM2_OFF_STOP) && engine->has_outputs &&
 	    (requests & ENGINE_REQUEST_ENABLE || (fresh && engine->status.off == HM2_OFF_IDLE)))
 		on(engine);
 	if (atomic_load(&engine->requests) & ENGINE_REQUEST_DISABLE)

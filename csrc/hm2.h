@@ -1538,7 +1538,8 @@ uint64_t hm2_engine_write(struct hm2_engine *engine, const double *outputs);
 void hm2_engine_read(const struct hm2_engine *engine, hm2_engine_status *status, double *inputs, double *outputs);
 /* Waits until a cycle after number `cycles` is done: 1, or 0 when the time is over. */
 int hm2_engine_wait(struct hm2_engine *engine, uint64_t cycles, int64_t timeout_ns);
-/* Outputs on again after they went off: nothing else turns them on. What still holds turns them off again. */
+/* Outputs on again after they went off: nothing else turns them on. What still holds turns them off again. With
+ * none written since the start it does nothing. */
 void hm2_engine_enable(struct hm2_engine *engine);
 void hm2_engine_disable(struct hm2_engine *engine);
 /* After a port was given up: it was started anew and takes part again. Or after it was lent. */

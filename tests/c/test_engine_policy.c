@@ -541,6 +541,28 @@ static void test_what_is_enabled_before_a_start_stays_off(void)
 	tear_down();
 }
 
+/* Nor does what was written for the last run go out in this one. */
+static void test_enabling_waits_for_outputs_of_this_run(void)
+{
+	const double value = 8.0;
+	const hm2_engine_config config = calm();
+	build(&config);
+	start();
+	hm2_engine_stop(rig.engine);
+	CHECK_EQUAL(hm2_engine_start(rig.engine, NULL, NULL), HM2_OK);
+	hm2_engine_enable(rig.engine);
+	CHECK_EQUAL(step(3).off, HM2_OFF_IDLE);
+	CHECK_EQUAL(rig.mailbox.words[OUT / 4], 0);
+	hm2_engine_disable(rig.engine);
+	(void)step(1);
+	hm2_engine_write(rig.engine, &value);
+	CHECK_EQUAL(step(3).off, HM2_OFF_IDLE | HM2_OFF_USER);
+	hm2_engine_enable(rig.engine);
+	CHECK_EQUAL(step(2).off, 0);
+	CHECK_EQUAL(rig.mailbox.words[OUT / 4], 8);
+	tear_down();
+}
+
 /* In a forked child: nothing is the child's to stop. */
 static void test_an_abandoned_engine_stops_nothing(void)
 {
@@ -585,6 +607,7 @@ int main(void)
 	test_a_port_with_a_command_in_doubt_is_not_left_alone_for_ever();
 	test_a_lent_port_that_comes_back_without_its_channels_is_given_up();
 	test_what_is_enabled_before_a_start_stays_off();
+	test_enabling_waits_for_outputs_of_this_run();
 	test_an_abandoned_engine_stops_nothing();
 	return CHECK_RESULT();
 }
