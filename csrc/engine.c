@@ -210,7 +210,7 @@ static void prepare(struct hm2_engine *engine)
 	for (uint32_t i = 0; i < engine->port_count; i++) {
 		atomic_store(&engine->ports[i].state, HM2_PORT_RUNNING);
 		engine->ports[i].leaving = 0;
-		engine->ports[i].started = engine->ports[i].port->started;
+		engine->ports[i].channels = engine->ports[i].port->started & engine->ports[i].port->cyclic;
 		engine->ports[i].level = engine->status.port_level[i] = engine->status.port_state[i] = 0;
 		engine->ports[i].port->hidden_in_a_row = engine->status.port_stale[i] = 0;
 	}

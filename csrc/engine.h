@@ -51,7 +51,7 @@ struct engine_port {
 	int held;           /* no new DOIT: it is about to be lent */
 	int leaving;        /* cycles until a port given up is everybody's: the zeroes go out first */
 	uint32_t cyclic;    /* what its mask was before */
-	uint32_t started;   /* its channels, when the run began */
+	uint32_t channels;  /* that took part when the run began */
 };
 
 /* What the last exchange of a kind moved, and where its words go in the image. */

@@ -90,11 +90,13 @@ static void take_faults(struct hm2_engine *engine, uint32_t number)
 	engine->status.events_lost += lost;
 }
 
-/* Whoever it was lent to may have stopped channels, or a command that hung has: nothing of theirs would be fresh again. */
+/* Whoever it was lent to may have stopped channels, a command that hung has, and anybody may take them out of the cycle:
+ * nothing of theirs would be fresh again. */
 static int still_runs(const struct engine_port *port)
 {
+	const uint32_t cyclic = port->held ? port->cyclic : port->port->cyclic;
 	const uint32_t running = port->port->mode == HM2_SSERIAL_NORMAL ? port->port->started : 0;
-	return !(port->started & ~running);
+	return !(port->channels & ~(running & cyclic));
 }
 
 static void judge_port(struct hm2_engine *engine, uint32_t number)

@@ -539,8 +539,15 @@ def test_channels_stopped_while_their_port_was_lent_turn_outputs_off(board: Any)
         with engine.lend(board.sserial[0]):
             board.sserial[0].stop(0x02)
         assert run(engine, 1).off == Off.PORT
-        assert str(engine.events()[-2]).endswith("given up: its channels were stopped while it was lent")
+        assert str(engine.events()[-2]).endswith("given up: its channels were stopped")
         assert run(engine, 4).status.ports_given_up == (True,)
+
+
+def test_channels_taken_out_of_a_running_engines_cycle_turn_outputs_off(board: Any) -> None:
+    with board.engine(dead_man=0) as engine:
+        run(engine, 3)
+        board.sserial[0].cyclic = 0x01
+        assert run(engine, 1).off == Off.PORT
 
 
 def test_stopping_while_a_port_is_asked_for_still_sends_the_zeroes(

@@ -51,7 +51,7 @@ class EventKind(IntEnum):
     CONTROL = lib.HM2_EVENT_CONTROL
 
 
-_GIVEN_UP = {-1: "its DOIT never ended", -2: "its channels were stopped while it was lent"}
+_GIVEN_UP = {-1: "its DOIT never ended", -2: "its channels were stopped"}
 
 
 @dataclass(frozen=True, slots=True)
