@@ -158,6 +158,7 @@ void engine_event(struct hm2_engine *engine, int kind, int index, int status, in
 void engine_off(struct hm2_engine *engine, uint32_t reason);
 void engine_judge_exchange(struct hm2_engine *engine, int status);
 void engine_judge_ports(struct hm2_engine *engine);
+void engine_miss_ports(struct hm2_engine *engine);
 void engine_judge_outputs(struct hm2_engine *engine); /* and takes new ones */
 void engine_judge_time(struct hm2_engine *engine, int64_t missed);
 

@@ -53,6 +53,8 @@ void engine_cycle(struct hm2_engine *engine)
 	if (status == HM2_OK) {
 		cycle_process(engine->cycle);
 		engine_judge_ports(engine);
+	} else {
+		engine_miss_ports(engine);
 	}
 	if (status != HM2_OK || !modify)
 		engine_judge_exchange(engine, status);

@@ -140,6 +140,16 @@ void engine_judge_ports(struct hm2_engine *engine)
 		judge_port(engine, i);
 }
 
+/* Behind a cycle that could not read: a lost result is not better than a hidden one. */
+void engine_miss_ports(struct hm2_engine *engine)
+{
+	for (uint32_t i = 0; i < engine->port_count; i++) {
+		struct engine_port *port = &engine->ports[i];
+		if (atomic_load_explicit(&port->state, memory_order_acquire) == HM2_PORT_RUNNING)
+			engine->status.port_stale[i] = ++port->port->hidden_in_a_row;
+	}
+}
+
 void hm2_engine_port_back(struct hm2_engine *engine, uint32_t port)
 {
 	if (port >= engine->port_count)
@@ -148,7 +158,8 @@ void hm2_engine_port_back(struct hm2_engine *engine, uint32_t port)
 	atomic_store_explicit(&engine->ports[port].state, HM2_PORT_RUNNING, memory_order_release);
 }
 
-/* A network may lose every other exchange, those with a DOIT: none of them in a row, and yet a port's inputs are old. */
+/* A network may lose every other exchange, those with a DOIT: none of them in a row, and yet a port's inputs are old. So
+ * for a port lost and hidden results are counted together. */
 static int is_stale(const struct hm2_engine *engine)
 {
 	const hm2_engine_status *now = &engine->status;

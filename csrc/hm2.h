@@ -1402,7 +1402,7 @@ enum hm2_engine_overrun {
 #define HM2_OFF_IDLE 0x0001u     /* nobody has written outputs yet */
 #define HM2_OFF_USER 0x0002u     /* disabled on request */
 #define HM2_OFF_DEAD_MAN 0x0004u /* outputs were not refreshed in time */
-#define HM2_OFF_STALE 0x0008u    /* too many exchanges in a row failed */
+#define HM2_OFF_STALE 0x0008u    /* too many exchanges in a row failed, or brought no new result of a port */
 #define HM2_OFF_OVERRUN 0x0010u  /* too many overruns in a row */
 #define HM2_OFF_BITE 0x0020u     /* the watchdog has bitten */
 #define HM2_OFF_PORT 0x0040u     /* an SSERIAL port was given up */
@@ -1495,7 +1495,7 @@ typedef struct hm2_engine_status {
 	int32_t running;
 	int32_t port_level[4]; /* fault buckets */
 	int32_t port_state[4]; /* enum hm2_engine_port_state; HM2_PORT_RUNNING while lent */
-	int32_t port_stale[4]; /* hidden results in a row: the port's inputs are those before */
+	int32_t port_stale[4]; /* lost or hidden results in a row: the port's inputs are those before */
 } hm2_engine_status;
 
 void hm2_engine_defaults(hm2_engine_config *config);

@@ -80,7 +80,7 @@ struct hm2_sserial {
 	uint32_t cyclic;     /* channels of the board's cycle */
 	uint32_t launched;   /* of a DOIT in the cycle's exchange at work */
 	uint32_t landed, landed_failed; /* of the result that the cycle's last exchange brought */
-	int32_t hidden_in_a_row;        /* results of the cycle that could not be taken, since the last that was */
+	int32_t hidden_in_a_row;        /* results of an engine's cycle, lost or hidden, since the last that was taken */
 	int reading;         /* the cycle's exchange at work reads results */
 	int hung;            /* the cycle found a DOIT that does not end */
 	uint64_t failures;   /* of the board's exchanges, when the last pipelined DOIT was written */

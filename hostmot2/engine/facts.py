@@ -19,7 +19,7 @@ class Off(IntFlag):
     DEAD_MAN = lib.HM2_OFF_DEAD_MAN
     """Outputs were not refreshed in time."""
     STALE = lib.HM2_OFF_STALE
-    """Too many exchanges in a row failed."""
+    """Too many exchanges in a row failed, or brought no new result of a port."""
     OVERRUN = lib.HM2_OFF_OVERRUN
     """Too many cycles in a row took too long."""
     BITE = lib.HM2_OFF_BITE
@@ -107,7 +107,7 @@ class EngineStatus:
     """Fault buckets of the ports."""
     ports_given_up: tuple[bool, ...]
     ports_stale: tuple[int, ...]
-    """Results of the ports, in a row, that might have been old ones and were not taken."""
+    """Results of the ports, in a row, that were lost, or might have been old ones and were not taken."""
 
 
 def event_of(event: Any) -> Event:

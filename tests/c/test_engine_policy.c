@@ -372,6 +372,29 @@ static void test_results_that_stay_hidden_turn_outputs_off_as_lost_exchanges_do(
 	tear_down();
 }
 
+/* Neither an exchange that brought no result nor one that failed is as good as a result. */
+static void test_hidden_results_between_failed_exchanges_count_with_them(void)
+{
+	hm2_engine_config config = calm();
+	config.stale_limit = 5;
+	build(&config);
+	start_port();
+	rig.mailbox.words[DATA / 4] = 0xFF;
+	rig.mailbox.fail_next = 4;
+	CHECK_EQUAL(step(4).stale, 4);
+	CHECK_EQUAL(step(0).off, 0);
+	CHECK_EQUAL(step(1).stale, 0);
+	CHECK_EQUAL(step(0).port_stale[0], 5);
+	CHECK_EQUAL(step(0).off, HM2_OFF_STALE);
+	hm2_engine_enable(rig.engine);
+	CHECK_EQUAL(step(1).off, HM2_OFF_STALE); /* exchanges are good again, and the port's inputs those of before */
+	rig.mailbox.words[DATA / 4] = 0;
+	CHECK_EQUAL(step(2).port_stale[0], 0);
+	hm2_engine_enable(rig.engine);
+	CHECK_EQUAL(step(1).off, 0);
+	tear_down();
+}
+
 /* Neither those of the last run nor those from before the port was given up. */
 static void test_hidden_results_of_before_do_not_count(void)
 {
@@ -600,6 +623,7 @@ int main(void)
 	test_failed_transfers_fill_the_bucket_that_good_ones_empty();
 	test_a_doit_that_hangs_while_its_port_is_left_ends_that();
 	test_results_that_stay_hidden_turn_outputs_off_as_lost_exchanges_do();
+	test_hidden_results_between_failed_exchanges_count_with_them();
 	test_hidden_results_of_before_do_not_count();
 	test_without_a_limit_a_port_is_never_given_up();
 	test_only_a_fault_of_the_remote_itself_turns_outputs_off();
