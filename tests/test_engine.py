@@ -543,6 +543,25 @@ def test_channels_stopped_while_their_port_was_lent_turn_outputs_off(board: Any)
         assert run(engine, 4).status.ports_given_up == (True,)
 
 
+@pytest.mark.parametrize("close", [False, True])
+def test_an_engine_stopped_while_its_port_is_lent_sends_the_zeroes_and_leaves_the_port(
+    board: Any, emulated: EmulatedBoard, close: bool
+) -> None:
+    card = board.card("7i77")
+    remote = emulated.sserial[0].remote(0)
+    with board.engine(dead_man=0) as engine:
+        card.outputs[5] = True
+        run(engine, 5)
+        assert remote.get("output") == 1 << 5
+        with engine.lend(board.sserial[0]):
+            board.close() if close else engine.stop()
+            assert remote.get("output") == 0
+        if not close:
+            card.outputs[6] = True
+            card.exchange()
+            assert remote.get("output") == 1 << 6
+
+
 def test_channels_taken_out_of_a_running_engines_cycle_turn_outputs_off(board: Any) -> None:
     with board.engine(dead_man=0) as engine:
         run(engine, 3)

@@ -17,7 +17,7 @@ from hostmot2.engine.axis import Axis, pid_of
 from hostmot2.engine.build import Plan, Wiring, build
 from hostmot2.engine.facts import status_of
 from hostmot2.engine.frame import Frame
-from hostmot2.engine.lend import lend
+from hostmot2.engine.lend import lend, take_back
 from hostmot2.engine.options import Options, new_config, warn_of
 from hostmot2.engine.restart import Restarter
 from hostmot2.engine.signals import Commands, PortData, Readings, Signal
@@ -75,6 +75,7 @@ class Engine(EngineView):
         self._vectors = Vectors(board, self._ports)
         self._plan = Plan(new_config(board, rate, **options), self._ports, self._vectors)
         self._restarter: Restarter | None = None
+        self._lent: set[int] = set()
         self._pid = os.getpid()
         _made.add(self)
 
@@ -249,6 +250,8 @@ class Engine(EngineView):
                     self._restarter.stop()
             finally:
                 try:
+                    for number in tuple(self._lent):  # zeroes are to go there, too
+                        take_back(self, number)
                     lib.hm2_engine_stop(self.handle)
                 finally:
                     self._let_go()

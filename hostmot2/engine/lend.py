@@ -25,10 +25,18 @@ def lend(engine: Engine, port: SserialPort) -> Iterator[None]:
     number = next((n for n, data in enumerate(engine._ports) if data.port is port), -1)
     with engine.board.lock:  # whoever stops the engine needs it, and waits until the port is back
         _take(engine, number)
+        engine._lent.add(number)
         try:
             yield
         finally:
-            lib.hm2_engine_port_back(engine.handle, number)
+            take_back(engine, number)
+
+
+def take_back(engine: Engine, number: int) -> None:
+    """Once only: whoever stops the engine while a port is lent, in the same thread, was first."""
+    if number in engine._lent:
+        engine._lent.remove(number)
+        lib.hm2_engine_port_back(engine.handle, number)
 
 
 def _take(engine: Engine, number: int) -> None:
