@@ -135,7 +135,8 @@ static void take(struct hm2_sserial *port)
 	if (sserial_is_result(port)) {
 		port->landed = port->flying;
 		port->landed_failed = (uint32_t)sserial_take_results(port);
-		port->hidden_in_a_row = 0;
+		if (port->landed & ~port->landed_failed)
+			port->hidden_in_a_row = 0;
 	} else {
 		port->hidden_in_a_row++;
 	}

@@ -395,6 +395,26 @@ static void test_hidden_results_between_failed_exchanges_count_with_them(void)
 	tear_down();
 }
 
+/* The bucket has a limit of its own for those, or none. */
+static void test_a_result_of_failed_transfers_alone_makes_no_inputs_fresh(void)
+{
+	hm2_engine_config config = calm();
+	config.stale_limit = 3;
+	config.fault_limit = 0;
+	build(&config);
+	start_port();
+	rig.mailbox.words[DATA / 4] = 0xFF;
+	CHECK_EQUAL(step(2).port_stale[0], 2);
+	rig.mailbox.words[DATA / 4] = 0x03;
+	CHECK_EQUAL(step(10).port_stale[0], 2);
+	CHECK_EQUAL(step(0).off, 0);
+	rig.mailbox.words[DATA / 4] = 0xFF;
+	CHECK_EQUAL(step(1).off, HM2_OFF_STALE);
+	rig.mailbox.words[DATA / 4] = 0x02; /* the other one was good */
+	CHECK_EQUAL(step(2).port_stale[0], 0);
+	tear_down();
+}
+
 /* Neither those of the last run nor those from before the port was given up. */
 static void test_hidden_results_of_before_do_not_count(void)
 {
@@ -624,6 +644,7 @@ int main(void)
 	test_a_doit_that_hangs_while_its_port_is_left_ends_that();
 	test_results_that_stay_hidden_turn_outputs_off_as_lost_exchanges_do();
 	test_hidden_results_between_failed_exchanges_count_with_them();
+	test_a_result_of_failed_transfers_alone_makes_no_inputs_fresh();
 	test_hidden_results_of_before_do_not_count();
 	test_without_a_limit_a_port_is_never_given_up();
 	test_only_a_fault_of_the_remote_itself_turns_outputs_off();
