@@ -22,6 +22,13 @@ def whole(value: float) -> int:
     return round(value) if 0 <= value < math.inf else -1
 
 
+def number(value: float) -> float:
+    """`value` as a float. TypeError for what is none: refused here, it cannot stop words of others later."""
+    if isinstance(value, str | bytes):  # which float() would read
+        raise TypeError(f"a value is a number, not {type(value).__name__}")
+    return float(value)
+
+
 class HasWord(Protocol):
     """An instance that is commanded by one register."""
 

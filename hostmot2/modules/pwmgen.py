@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from hostmot2 import errors
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import CommandedInstances, whole
+from hostmot2.modules.instances import CommandedInstances, number, whole
 from hostmot2.registers import Gtag, PwmgenOutput
 from hostmot2.registers import Pwmgen as Registers
 
@@ -37,7 +37,7 @@ class Pwmgen:
 
     @value.setter
     def value(self, value: float) -> None:
-        self._value = value
+        self._value = number(value)
         self._all.update()
 
     @property

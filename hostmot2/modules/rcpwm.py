@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import CommandedInstances
+from hostmot2.modules.instances import CommandedInstances, number
 from hostmot2.registers import Gtag
 from hostmot2.registers import Rcpwm as Registers
 
@@ -36,7 +36,7 @@ class Rcpwm:
 
     @value.setter
     def value(self, value: float) -> None:
-        self._value = value
+        self._value = number(value)
         self._all.update()
 
     @property

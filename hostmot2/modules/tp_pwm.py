@@ -9,7 +9,7 @@ from hostmot2 import errors
 from hostmot2._core import ffi
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import CommandedInstances, whole
+from hostmot2.modules.instances import CommandedInstances, number, whole
 from hostmot2.registers import Gtag
 from hostmot2.registers import TpPwm as Registers
 
@@ -31,8 +31,8 @@ class TpPwm:
         self._values, self._scale, self._enable = [0.0, 0.0, 0.0], 1.0, False
         self._dead_time, self._fault_high, self._sample = 5e-6, False, 0.5
 
-    def _phase(self, number: int, value: float) -> None:
-        self._values[number] = value
+    def _phase(self, phase: int, value: float) -> None:
+        self._values[phase] = number(value)
         self._all.update()
 
     @property

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -180,6 +181,22 @@ def test_offset_mode_has_half_duty_at_0(board: Board) -> None:
     assert generator.word() == 1 << 16
     generator.value = 1.0
     assert generator.word() == 2 * half - 1 << 16
+
+
+@pytest.mark.parametrize("wrong", ["0.5", b"1", None])
+def test_a_value_that_is_no_number_leaves_the_others_to_be_switched_off(board: Board, wrong: Any) -> None:
+    first, second = board.pwmgens
+    first.enable = second.enable = True
+    second.value = 1.0
+    with pytest.raises(TypeError):
+        first.value = wrong
+    assert first.value == 0.0
+    second.value = 0.0
+    assert values(board) == [0, 0]
+    first.enable = False
+    with pytest.raises(TypeError):
+        first.value = wrong  # a generator that is off refuses it at once, not when it is switched on
+    first.enable = True
 
 
 def test_mode_and_enable_registers(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -38,6 +39,15 @@ def test_the_sheets_numbers(board: Board, monkeypatch: pytest.MonkeyPatch) -> No
     assert words[BASE + 4] == 9374  # 1.5 ms * 100e6 / 16000 - 1
     board.rcpwms.frequency = 400.0
     assert words[BASE + 0x100] == 249_998  # 100e6 / 400 - 2
+
+
+def test_a_value_that_is_no_number_is_refused_at_once(board: Board) -> None:
+    servo: Any = board.rcpwms[0]
+    for wrong in ("0.5", None):
+        with pytest.raises(TypeError):
+            servo.value = wrong
+    servo.enable = True
+    assert (servo.value, servo.width) == (0.0, 0.0015)
 
 
 def test_pulses_on_the_pin(board: Board, emulated: EmulatedBoard) -> None:

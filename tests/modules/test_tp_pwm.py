@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -52,6 +53,15 @@ def test_the_rate(board: Board, words: dict[int, int]) -> None:
         pwms.frequency = CLOCK_HIGH / 2048 + 10
     with pytest.raises(ValueError, match="PWM frequency"):
         pwms.frequency = 0
+
+
+def test_a_phase_that_is_no_number_is_refused_at_once(board: Board) -> None:
+    bridge: Any = board.tp_pwms[0]
+    for wrong in ("0.5", None):
+        with pytest.raises(TypeError):
+            bridge.b = wrong
+    bridge.enable = True
+    assert (bridge.b, bridge.enable) == (0.0, True)
 
 
 def test_the_dead_time_in_both_instances(board: Board, words: dict[int, int]) -> None:
