@@ -62,8 +62,9 @@ class Pwmgen:
 
     @output.setter
     def output(self, output: PwmgenOutput) -> None:
+        bits = self.bits
         self._output = PwmgenOutput(output)
-        self._all.configure()
+        self._all.resize(coarser=self.bits < bits)
 
     @property
     def offset_mode(self) -> bool:
@@ -155,9 +156,9 @@ class Pwmgens(CommandedInstances[Pwmgen]):
 
     @frequency.setter
     def frequency(self, hertz: float) -> None:
+        bits = self.bits
         self.bits, self._pwm_rate = self._choose(hertz)
-        self.update()
-        self.configure()
+        self.resize(coarser=self.bits < bits)
 
     @property
     def pdm_frequency(self) -> float:
@@ -174,6 +175,15 @@ class Pwmgens(CommandedInstances[Pwmgen]):
     @property
     def _pdm_rate(self) -> int:
         return min(0xFFFF, max(1, round(self._pdm_frequency * 65536 / self.clock)))
+
+    def resize(self, *, coarser: bool) -> None:
+        """Write values and modes of another resolution, so that no duty is larger in between."""
+        self.update()
+        if coarser:
+            self.write_now()
+        self.configure()
+        if not coarser:
+            self.write_now()
 
     def configure(self) -> None:
         """Write modes, enables and rates, in this order."""

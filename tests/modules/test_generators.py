@@ -13,7 +13,7 @@ import hostmot2
 from hostmot2 import errors
 from hostmot2.board import Board
 from hostmot2.emulator.board import EmulatedBoard
-from hostmot2.registers import PwmgenOutput, StepgenMode
+from hostmot2.registers import Pwmgen, PwmgenOutput, StepgenMode
 from tests.modules.module_card import ModuleWords, module_card, pin, written
 
 STEPGEN, PWMGEN, DPLL = 0x05, 0x06, 0x1A
@@ -234,6 +234,49 @@ def test_frequencies_choose_the_resolution(board: Board, monkeypatch: pytest.Mon
             generators.frequency = wrong
         with pytest.raises(ValueError, match="PDM frequency"):
             generators.pdm_frequency = wrong
+
+
+def bits_of(mode: int) -> int:
+    return 12 if Pwmgen.mode.output.get(mode) == PwmgenOutput.PDM_DIRECTION else 9 + (mode & 3)
+
+
+def duties(board: Board, monkeypatch: pytest.MonkeyPatch, instance: int) -> list[float]:
+    """The duty of one generator as its registers stand behind each write from now on."""
+    seen: dict[int, int] = {}
+    found: list[float] = []
+    real = board.write
+
+    def write(address: int, words: int | list[int]) -> None:
+        for n, word in enumerate([words] if isinstance(words, int) else words):
+            seen[address + 4 * n] = word
+        real(address, words)
+        value, mode = seen.get(PWM + 4 * instance), seen.get(PWM + 0x100 + 4 * instance)
+        if value is not None and mode is not None:
+            found.append((value >> 16 & 0x7FFF) / 2 ** bits_of(mode))
+
+    monkeypatch.setattr(board, "write", write)
+    return found
+
+
+def test_a_duty_stays_what_it_is_at_another_frequency_or_output(
+    board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    generators = board.pwmgens
+    generator = generators[1]
+    found = duties(board, monkeypatch, 1)
+    generator.enable = True
+    generator.value = 0.5
+    generators.write_now()
+    changes: list[tuple[Any, str, Any]] = [
+        (generators, "frequency", 150_000.0),
+        (generator, "output", PwmgenOutput.PDM_DIRECTION),
+        (generator, "output", PwmgenOutput.UP_DOWN),
+        (generators, "frequency", 20_000.0),
+    ]
+    for on, name, value in changes:
+        setattr(on, name, value)
+        assert found[-1] == pytest.approx(0.5, abs=1 / 512), (name, value)
+    assert max(found) <= 0.5
 
 
 # ---- DPLL
