@@ -139,10 +139,12 @@ class EncoderModule:
         if not 0 <= divider <= 0x7FFF:
             raise ValueError(f"timestamp rate {rate:g} Hz is outside 0..{self._descriptor.clock / 2:g} Hz")
         with self.board.lock:
-            self._timestamp_divider = divider
             self.board.write(self._address(Registers.timestamp_divider.number), divider)
+            self._timestamp_divider = divider
             self._group.timebase.seconds_per_tick = (divider + 2) / self._descriptor.clock
             self._group.timebase.valid = 0
+            for n in range(self._descriptor.instances):  # the times of their last counts were in other ticks
+                self._states[n].moving, self._states[n].velocity = 0, 0.0
 
     def _find_timer_select(self) -> bool:
         """Look for the optional register without touching a neighbour's.

@@ -12,7 +12,7 @@ from hostmot2 import errors
 from hostmot2.board import Board
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.idrom import HostMot2Warning
-from hostmot2.registers import Gtag
+from hostmot2.registers import Encoder, Gtag
 from tests.emulator.test_engine_skips import CARD as PROBE
 from tests.modules.module_card import ModuleWords, module_card, pin, written
 
@@ -52,6 +52,44 @@ def test_without_the_drivers_select_pin_both_of_a_pair_follow_the_odd_one(emulat
         emulated.encoder_input(1).run(edge_period_ns=10_000.0, counts=40)
         emulated.advance(1000.0)
         assert [word & 0xFFFF for word in board.read(0x3500, 2)] == [40, 40]
+
+
+@pytest.mark.parametrize("rate", [1e6, 4e6])
+def test_velocity_ends_behind_a_change_of_the_timestamp_rate(
+    board: Board, emulated: EmulatedBoard, rate: float
+) -> None:
+    encoder = board.encoders[0]
+    encoder.filter = False
+    cycles(board, emulated, 2)
+    emulated.encoder_input(0).run(edge_period_ns=500_000.0, counts=400)
+    cycles(board, emulated, 202)
+    at = encoder.position
+    assert encoder.velocity > 100
+    board.encoders.modules[0].timestamp_rate = rate
+    cycles(board, emulated, 1)
+    assert encoder.position_interpolated == pytest.approx(at, abs=2)
+    cycles(board, emulated, 600)  # more than velocity_timeout
+    assert (encoder.velocity, encoder.position_interpolated) == (0.0, at)
+    emulated.encoder_input(0).run(edge_period_ns=500_000.0, counts=-40)
+    cycles(board, emulated, 10)
+    assert encoder.velocity == pytest.approx(-2000.0, rel=0.01)
+
+
+def test_a_timestamp_rate_that_was_refused_is_not_written_later(
+    board: Board, emulated: EmulatedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = board.encoders.modules[0]
+    before = module.timestamp_rate
+    board.cycle.run()
+    emulated.advance(100_000.0)
+    with pytest.raises(errors.WatchdogBite):
+        board.cycle.run()
+    with pytest.raises(errors.WatchdogBite):
+        module.timestamp_rate = 1e6
+    seen = written(board, monkeypatch)
+    board.watchdog.acknowledge()
+    divider = seen[module._address(Encoder.timestamp_divider.number)]
+    assert module.timestamp_rate == before == pytest.approx(board.idrom.clock_low / (divider + 2))
 
 
 def test_counts_pass_the_sixteen_bits_of_the_register(board: Board, emulated: EmulatedBoard) -> None:
