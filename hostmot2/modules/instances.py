@@ -29,6 +29,13 @@ def number(value: float) -> float:
     return float(value)
 
 
+def switched(on: object) -> bool:
+    """`on` as True or False. TypeError for text: "off" would be true."""
+    if isinstance(on, str | bytes):
+        raise TypeError(f"a switch takes True or False, not {type(on).__name__}")
+    return bool(on)
+
+
 class HasWord(Protocol):
     """An instance that is commanded by one register."""
 

@@ -14,6 +14,7 @@ from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
 from hostmot2.idrom import PinDescriptor
+from hostmot2.modules.instances import switched
 from hostmot2.registers import Gtag
 from hostmot2.registers import Ioport as Registers
 
@@ -157,7 +158,7 @@ class Ioport:
         """Set the GPIO output latch; the next exchange writes it."""
         mask = 1 << pin.bit
         word = self._latches[pin.port]
-        self._latches[pin.port] = word | mask if level else word & ~mask
+        self._latches[pin.port] = word | mask if switched(level) else word & ~mask
         self._write.enabled = 1
 
     def read_pads(self) -> None:
@@ -227,8 +228,7 @@ class GpioPin:
 
     def drive(self, level: bool, *, open_drain: bool = False, invert: bool = False) -> None:
         """Make the pin an output at `level`. Arms the watchdog, so exchanges must go on to keep it driven."""
-        if isinstance(level, str | bytes):  # "off" is true
-            raise TypeError(f"IO{self.index} is driven True or False, not {type(level).__name__}")
+        level = switched(level)
         ports = self._own()
         self._board.cycle.arm_watchdog()
         if ports.is_output(self.descriptor) and invert != ports.is_inverted(self.descriptor):

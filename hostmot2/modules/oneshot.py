@@ -8,7 +8,7 @@ from hostmot2._core import ffi
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
 from hostmot2.idrom import PinDescriptor
-from hostmot2.modules.instances import Instances, whole
+from hostmot2.modules.instances import Instances, switched, whole
 from hostmot2.register_map import BitField
 from hostmot2.registers import Gtag, OneshotPin, OneshotTrigger
 from hostmot2.registers import Oneshot as Registers
@@ -77,7 +77,7 @@ class OneshotTimer:
 
     def set_edges(self, *, rise: bool, fall: bool) -> None:
         """Which edges of the source start a pulse; the default is the rising one."""
-        self._rise, self._fall = bool(rise), bool(fall)
+        self._rise, self._fall = switched(rise), switched(fall)
         self._oneshot.configure()
 
     @property
@@ -87,7 +87,7 @@ class OneshotTimer:
 
     @retriggerable.setter
     def retriggerable(self, on: bool) -> None:
-        self._retriggerable = bool(on)
+        self._retriggerable = switched(on)
         self._oneshot.configure()
 
     @property
@@ -109,7 +109,7 @@ class OneshotTimer:
 
     @enable.setter
     def enable(self, on: bool) -> None:
-        self._enable = bool(on)
+        self._enable = switched(on)
         if on:
             self._oneshot.drive_timer(self.index)
         self._oneshot.configure()

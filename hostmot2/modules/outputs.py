@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import CommandedInstances
+from hostmot2.modules.instances import CommandedInstances, switched
 from hostmot2.registers import Gtag, Outm, Ssr, SsrPin
 
 if TYPE_CHECKING:
@@ -47,13 +47,13 @@ class FieldOutputs:
 
     def __setitem__(self, number: int, on: bool) -> None:
         mask = 1 << self._known(number)
-        self._bits = self._bits | mask if on else self._bits & ~mask
+        self._bits = self._bits | mask if switched(on) else self._bits & ~mask
         self._group.update()
 
     def invert(self, number: int, on: bool = True) -> None:
         """Make True mean off for one output, and so off mean on; acts while enabled."""
         mask = 1 << self._known(number)
-        self._inverted = self._inverted | mask if on else self._inverted & ~mask
+        self._inverted = self._inverted | mask if switched(on) else self._inverted & ~mask
         self._group.update()
 
     def is_inverted(self, number: int) -> bool:
@@ -72,9 +72,9 @@ class FieldOutputs:
 
     @enable.setter
     def enable(self, on: bool) -> None:
-        self._enable = bool(on)
+        self._enable = switched(on)
         self._group.update()
-        if not on:
+        if not self._enable:
             self._group.write_now()
         self._group.switch(self.index, self._enable)
 

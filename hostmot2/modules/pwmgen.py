@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from hostmot2 import errors
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import CommandedInstances, number, whole
+from hostmot2.modules.instances import CommandedInstances, number, switched, whole
 from hostmot2.registers import Gtag, PwmgenOutput
 from hostmot2.registers import Pwmgen as Registers
 
@@ -73,7 +73,7 @@ class Pwmgen:
 
     @offset_mode.setter
     def offset_mode(self, on: bool) -> None:
-        self._offset_mode = bool(on)
+        self._offset_mode = switched(on)
         self._all.update()
 
     @property
@@ -83,9 +83,10 @@ class Pwmgen:
 
     @enable.setter
     def enable(self, on: bool) -> None:
+        on = switched(on)
         if on:
             self._all.drive(self.index, f"pwmgen {self.index}")
-        self._enable = bool(on)
+        self._enable = on
         self._all.update()
         if on:
             self._all.configure()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import CommandedInstances, number
+from hostmot2.modules.instances import CommandedInstances, number, switched
 from hostmot2.registers import Gtag
 from hostmot2.registers import Rcpwm as Registers
 
@@ -83,7 +83,7 @@ class Rcpwm:
 
     @enable.setter
     def enable(self, on: bool) -> None:
-        self._enable = bool(on)
+        self._enable = switched(on)
         self._all.update()
         if not on:
             self._all.let_go(self.index)

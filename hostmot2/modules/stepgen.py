@@ -14,7 +14,7 @@ from hostmot2 import errors
 from hostmot2._core import ffi, lib
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import Instances
+from hostmot2.modules.instances import Instances, switched
 from hostmot2.registers import Gtag, StepgenMode
 from hostmot2.registers import Stepgen as Registers
 
@@ -202,13 +202,14 @@ class Stepgen:
 
     @enable.setter
     def enable(self, on: bool) -> None:
+        on = switched(on)
         if on:
             self._all.drive(self.index, f"stepgen {self.index}")
             if not self._state.position_control:
                 self._state.position_command = self._state.position
             if not self._state.enable:
                 self._state.velocity = self._state.rate = 0  # not what it ran at when it was switched off
-        self._state.enable = bool(on)
+        self._state.enable = on
         if not on:
             with suppress(errors.WatchdogBite):  # then the pins are off already
                 self._all.write(Registers.rate.number, 0, self.index)

@@ -9,7 +9,7 @@ from hostmot2 import errors
 from hostmot2._core import ffi
 from hostmot2.board import SafeOff
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import CommandedInstances, number, whole
+from hostmot2.modules.instances import CommandedInstances, number, switched, whole
 from hostmot2.registers import Gtag
 from hostmot2.registers import TpPwm as Registers
 
@@ -92,7 +92,7 @@ class TpPwm:
 
     @fault_is_high.setter
     def fault_is_high(self, high: bool) -> None:
-        self._fault_high = bool(high)
+        self._fault_high = switched(high)
         self._all.configure(self)
 
     @property
@@ -123,7 +123,7 @@ class TpPwm:
 
     @enable.setter
     def enable(self, on: bool) -> None:
-        if on:
+        if switched(on):
             self._all.enable(self)
         else:
             self._all.disable(self)

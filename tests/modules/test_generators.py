@@ -236,6 +236,16 @@ def test_frequencies_choose_the_resolution(board: Board, monkeypatch: pytest.Mon
             generators.pdm_frequency = wrong
 
 
+@pytest.mark.parametrize("name", ["pwmgens", "stepgens"])
+def test_the_text_off_does_not_switch_on(board: Board, name: str) -> None:
+    generator: Any = getattr(board, name)[0]
+    for text in ("off", b"0"):
+        with pytest.raises(TypeError, match="True or False"):
+            generator.enable = text
+    assert generator.enable is False
+    assert not any(board.ioport.is_output(pin) for pin in board.pins)
+
+
 def bits_of(mode: int) -> int:
     return 12 if Pwmgen.mode.output.get(mode) == PwmgenOutput.PDM_DIRECTION else 9 + (mode & 3)
 

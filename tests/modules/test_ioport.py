@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -21,6 +22,15 @@ def emulated() -> EmulatedBoard:
 def board(emulated: EmulatedBoard) -> Iterator[Board]:
     with hostmot2.open(emulated) as board:
         yield board
+
+
+def test_the_text_off_does_not_switch_on(board: Board) -> None:
+    gpio: Any = board.gpio[17]
+    gpio.drive(False)
+    for switch in (gpio.set, gpio.drive):
+        with pytest.raises(TypeError, match="True or False"):
+            switch("off")
+    assert not board.ioport.latch(gpio.descriptor)
 
 
 def test_only_pins_without_a_function_are_free(board: Board) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -70,6 +71,13 @@ def test_the_control_word(board: Board, emulated: EmulatedBoard) -> None:
     second.trigger = OneshotTrigger.TIMER_1
     second.set_edges(rise=False, fall=True)
     assert emulated.read(CONTROL) & ~0x03000300 == 0x0015_303A
+
+
+def test_the_text_off_does_not_switch_on(board: Board) -> None:
+    timer: Any = board.oneshots[0].timers[0]
+    with pytest.raises(TypeError, match="True or False"):
+        timer.enable = "off"
+    assert timer.enable is False
 
 
 def test_a_software_trigger_makes_one_pulse(board: Board, emulated: EmulatedBoard) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import Any
 
 import pytest
 
@@ -41,6 +42,19 @@ def board(emulated: EmulatedBoard) -> Iterator[Board]:
 
 def levels(emulated: EmulatedBoard, first: int, count: int) -> str:
     return "".join(emulated.pin(first + n).level for n in range(count))
+
+
+@pytest.mark.parametrize("group", ["ssrs", "outms"])
+def test_the_text_off_does_not_switch_on(board: Board, group: str) -> None:
+    outputs: Any = getattr(board, group)[1]
+    for assign in (
+        lambda: setattr(outputs, "enable", "off"),
+        lambda: outputs.__setitem__(0, "off"),
+        lambda: outputs.invert(0, b"0"),
+    ):
+        with pytest.raises(TypeError, match="True or False"):
+            assign()
+    assert (outputs.enable, outputs[0], outputs.is_inverted(0)) == (False, False, False)
 
 
 @pytest.mark.parametrize(("hertz", "divider"), [(25e3, 1998), (1e6, 48), (2e6, 23), (25e6, 0)])

@@ -50,6 +50,13 @@ def test_a_value_that_is_no_number_is_refused_at_once(board: Board) -> None:
     assert (servo.value, servo.width) == (0.0, 0.0015)
 
 
+def test_the_text_off_does_not_switch_on(board: Board) -> None:
+    servo: Any = board.rcpwms[0]
+    with pytest.raises(TypeError, match="True or False"):
+        servo.enable = "off"
+    assert servo.enable is False
+
+
 def test_pulses_on_the_pin(board: Board, emulated: EmulatedBoard) -> None:
     board.rcpwms.frequency = 1000.0
     servo = board.rcpwms[0]

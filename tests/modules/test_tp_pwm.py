@@ -64,6 +64,13 @@ def test_a_phase_that_is_no_number_is_refused_at_once(board: Board) -> None:
     assert (bridge.b, bridge.enable) == (0.0, True)
 
 
+def test_the_text_off_does_not_switch_on(board: Board) -> None:
+    bridge: Any = board.tp_pwms[0]
+    with pytest.raises(TypeError, match="True or False"):
+        bridge.enable = "off"
+    assert bridge.enable is False
+
+
 def test_the_dead_time_in_both_instances(board: Board, words: dict[int, int]) -> None:
     board.tp_pwms[1].dead_time = 1e-6
     # ns * clock * rate / (2 * 65536 * 1e9), never less
