@@ -5,6 +5,7 @@ Source: fact sheets registers 2.8 and card_observed 8.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 from hostmot2._core import ffi, lib
@@ -84,10 +85,11 @@ class Dpll:
         self._restore()
 
     def _rates(self, hertz: float) -> tuple[int, int]:
-        if not hertz > 0:
-            return 0, 0
         full = 2.0**self.accumulator_bits
-        prescale = max(1, int(2**30 * self._module.clock / (full * hertz)))
+        ratio = 2**30 * self._module.clock / (full * hertz) if hertz > 0 else 0.0
+        if not 0 < ratio < math.inf:
+            return 0, 0
+        prescale = max(1, int(ratio))
         return prescale, int(hertz * full * prescale / self._module.clock)
 
     @property

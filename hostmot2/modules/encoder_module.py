@@ -5,6 +5,7 @@ Source: fact sheets registers 2.4 and card_observed 4 and 5.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, overload
 
@@ -80,7 +81,7 @@ class EncoderModule:
         return MUX_RATE if self.multiplexed else min(FILTER_RATE, float(self._descriptor.clock))
 
     def _divider_for(self, rate: float) -> int:
-        divider = round(self._descriptor.clock / rate) - 2 if rate > 0 else -2
+        divider = whole(self._descriptor.clock / rate) - 2 if rate > 0 else -2
         if divider == -1:
             return _DIVIDE_BY_ONE
         if not 0 <= divider <= 0x7FF:
@@ -135,7 +136,8 @@ class EncoderModule:
 
     @timestamp_rate.setter
     def timestamp_rate(self, rate: float) -> None:
-        divider = int(self._descriptor.clock / rate - 2) if rate > 0 else -1
+        ticks = self._descriptor.clock / rate if rate > 0 else 0.0
+        divider = int(ticks - 2) if ticks < math.inf else -1
         if not 0 <= divider <= 0x7FFF:
             raise ValueError(f"timestamp rate {rate:g} Hz is outside 0..{self._descriptor.clock / 2:g} Hz")
         with self.board.lock:

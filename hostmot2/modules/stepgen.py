@@ -123,7 +123,7 @@ class Stepgen:
         for name, time in seconds.items():
             if name not in _TIMES:
                 raise TypeError(f"no pulse time {name!r}; there are {', '.join(_TIMES)}")
-            if not time >= 0:
+            if not 0 <= time * self._all.clock < math.inf:
                 raise ValueError(f"stepgen {self.index}: {name} {time} s")
             wanted = math.ceil(time * self._all.clock - 1e-6) - _EXTRA_CLOCKS[name]
             clocks[name] = max(wanted, 1 if name in ("step_length", "step_space") else 0)

@@ -197,7 +197,8 @@ class TpPwms(CommandedInstances[TpPwm]):
     def dead_clocks(self, seconds: float, rate: int | None = None) -> int:
         """The dead time in pairs of PWM clocks, rounded up. Raises ValueError outside 0..511."""
         pwm_clock = self.clock * (self._rate if rate is None else rate) / 65536
-        pairs = math.ceil(seconds * pwm_clock / 2 - 1e-6) if seconds >= 0 else -1
+        wanted = seconds * pwm_clock / 2
+        pairs = math.ceil(wanted - 1e-6) if 0 <= wanted < math.inf else -1
         longest = Registers.setup.dead_time.maximum
         if not 0 <= pairs <= longest:
             raise ValueError(f"dead time {seconds} s is outside 0..{longest * 2 / pwm_clock:.9f} s")

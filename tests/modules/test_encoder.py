@@ -194,6 +194,8 @@ def test_settings_reach_the_registers(board: Board, emulated: EmulatedBoard) -> 
     cycles(board, emulated, 3)
     assert board.read(0x3610) & 0x7FF8 & ~0x3000 == 1 << 14 | 1 << 11 | 1 << 10 | 1 << 9 | 1 << 7
     with pytest.raises(ValueError, match="filter rate"):
+        board.encoders.modules[0].filter_rate = 5e-324
+    with pytest.raises(ValueError, match="filter rate"):
         module.filter_rate = 1.0
     for no_scale in (0.0, float("inf"), float("nan")):
         with pytest.raises(ValueError, match="scale"):
@@ -254,7 +256,7 @@ def test_what_an_encoder_cannot_be_told(board: Board) -> None:
         with pytest.raises(ValueError, match="velocity timeout"):
             encoder.velocity_timeout = seconds
     assert encoder.velocity_timeout == 0.5
-    for rate in (0.0, -1.0, 1e9, 1.0):
+    for rate in (0.0, -1.0, 1e9, 1.0, 5e-324):
         with pytest.raises(ValueError, match="timestamp rate"):
             module.timestamp_rate = rate
     with pytest.raises(errors.UnsupportedFirmware, match="no probe input"):

@@ -77,6 +77,9 @@ def test_the_dead_time_in_both_instances(board: Board, words: dict[int, int]) ->
     assert words[SETUP + 4] & 0x1FF == math.ceil(1000 * CLOCK_HIGH * 13422 / (2 * 65536 * 1e9)) == 21
     assert words[SETUP] & 0x1FF == 103  # 5 us
     assert words[SETUP] >> 16 & 0x7FF == 1024, "sampled in mid-cycle"
+    for seconds in (math.inf, 1e308):
+        with pytest.raises(ValueError, match="dead time"):
+            board.tp_pwms[1].dead_time = seconds
     with pytest.raises(ValueError, match="dead time"):
         board.tp_pwms[0].dead_time = 26e-6
     with pytest.raises(ValueError, match="dead time"):
