@@ -7,6 +7,7 @@ is in the remote's memory: whole numbers for the integer types, numbers for FLOA
 from __future__ import annotations
 
 import difflib
+import operator
 import struct
 import sys
 from collections.abc import Iterable, Iterator, Mapping
@@ -27,6 +28,16 @@ CLEAR_READS = 1000
 """So often a parameter that clears itself is looked at before that counts as a failure."""
 
 Number = int | float
+
+
+def _plain(value: Number) -> Number:
+    """A number of any type as int or float; numpy's are no floats, and compare in their own precision."""
+    if isinstance(value, str | bytes):
+        raise TypeError(f"a parameter takes a number, not {type(value).__name__}")
+    try:
+        return operator.index(value)  # type: ignore[arg-type]
+    except TypeError:
+        return float(value)
 
 
 class RemoteMemory(Protocol):
@@ -189,6 +200,7 @@ class Parameter:
     def encode(self, value: Number) -> int:
         """The bits for a value. ValueError outside the limits, TypeError for a fraction of an integer."""
         kind, bits = self.field.kind, self.field.bits
+        value = _plain(value)
         if kind not in _FLOAT:
             if isinstance(value, float) and not value.is_integer():
                 raise TypeError(f"{self.name} takes whole numbers, not {value}")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 import struct
+from fractions import Fraction
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hostmot2 import lbp
@@ -91,15 +93,27 @@ def test_true_is_all_bits(value: int, word: int) -> None:
         (FieldKind.UNSIGNED, 8, (0, 0), 1.5, TypeError),
         (FieldKind.UNSIGNED, 8, (0, 0), math.nan, TypeError),
         (FieldKind.BOOLEAN, 8, (0, 0), 256, ValueError),
+        (FieldKind.NONVOL_UNSIGNED, 16, (0, 0), np.float32(1.5), TypeError),
+        (FieldKind.BITS, 24, (0, 0), Fraction(3, 2), TypeError),
+        (FieldKind.UNSIGNED, 8, (0, 0), np.float16(math.inf), TypeError),
+        (FieldKind.FLOAT, 32, (0, 0), np.float16(math.inf), ValueError),
     ],
 )
 def test_what_it_cannot_hold_or_may_not_be_is_refused_unwritten(
     kind: FieldKind, bits: int, limits: tuple[float, float], value: float, error: type[Exception]
 ) -> None:
     memory, parameters = one(kind, bits, *limits)
-    with pytest.raises(error, match=f"Gain.*{value}".replace("+", r"\+")):
+    with pytest.raises(error, match=f"Gain.*{float(value):.4g}".replace("+", r"\+")):
         parameters["Gain"] = value
     assert memory.writes == 0
+
+
+@pytest.mark.parametrize("value", [np.uint8(3), np.int64(3), np.float32(3), np.float16(3), Fraction(3)])
+def test_numbers_of_every_type_are_taken(value: Any) -> None:
+    for kind in (FieldKind.NONVOL_UNSIGNED, FieldKind.FLOAT):
+        memory, parameters = one(kind, 32)
+        parameters["Gain"] = value
+        assert (parameters["Gain"], memory.writes) == (3, 1)
 
 
 @pytest.mark.parametrize(
