@@ -6,6 +6,7 @@ Source: fact sheets registers 2.7 and card_observed 6.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -150,6 +151,10 @@ class Stepgen:
         """Step through 1 to 16 output patterns (bit n drives output n); selects the table mode."""
         if not 1 <= len(patterns) <= 16:
             raise ValueError(f"stepgen {self.index}: a table has 1 to 16 entries, not {len(patterns)}")
+        patterns = [operator.index(pattern) for pattern in patterns]
+        for pattern in patterns:
+            if not 0 <= pattern <= 0xFFFFFFFF:
+                raise ValueError(f"stepgen {self.index}: output pattern {pattern} is outside 0..0xFFFFFFFF")
         for pattern in reversed(patterns):  # the hardware takes the last entry first
             self._all.write(Registers.table_data.number, pattern, self.index)
         self._all.write(Registers.table_length.number, len(patterns) - 1, self.index)

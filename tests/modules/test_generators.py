@@ -77,6 +77,18 @@ def test_modes_and_tables(board: Board, monkeypatch: pytest.MonkeyPatch) -> None
     assert stepgen.mode is StepgenMode.TABLE
 
 
+@pytest.mark.parametrize("wrong", [-1, 1 << 32, "3", 2.5])
+def test_a_table_that_cannot_be_is_not_written_in_part(
+    board: Board, monkeypatch: pytest.MonkeyPatch, wrong: Any
+) -> None:
+    stepgen = board.stepgens[0]
+    stepgen.set_table([1, 3, 2])
+    seen = written(board, monkeypatch)
+    with pytest.raises((TypeError, ValueError)):
+        stepgen.set_table([wrong, 5, 6])
+    assert seen == {}, "a running generator would step through a mixture of both"
+
+
 def test_what_the_hardware_cannot_do_is_refused(board: Board) -> None:
     with pytest.raises(errors.UnsupportedFirmware, match="swap"):
         board.stepgens[0].swap_outputs()
