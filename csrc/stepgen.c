@@ -32,10 +32,11 @@ static double next_velocity(const hm2_stepgen *stepgen, double period)
 		stepgen->position_control ? tracking_velocity(stepgen, period) : stepgen->velocity_command;
 	if (isnan(velocity))
 		return 0.0;
-	velocity = limited(velocity, fmin(stepgen->max_velocity, stepgen->max_step_rate / fabs(stepgen->scale)));
+	const double fastest = stepgen->max_step_rate / fabs(stepgen->scale);
+	velocity = limited(velocity, fmin(stepgen->max_velocity, fastest));
 	if (stepgen->max_acceleration > 0.0)
 		velocity = stepgen->velocity + limited(velocity - stepgen->velocity, stepgen->max_acceleration * period);
-	return velocity;
+	return limited(velocity, fastest); /* no braking from a speed that pulses cannot be made at */
 }
 
 static uint32_t rate_word(const hm2_stepgen *stepgen)

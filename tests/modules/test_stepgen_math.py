@@ -91,6 +91,22 @@ def test_velocity_is_limited_by_setting_and_by_pulse_times(limit: float, reached
     assert stepgen.velocity == pytest.approx(reached)
 
 
+@pytest.mark.parametrize(("name", "value"), [("scale", -1000.0), ("max_step_rate", 2e5)])
+def test_no_step_is_faster_than_the_pulse_times_allow_whatever_is_changed_on_the_way(
+    name: str, value: float
+) -> None:
+    """Braking gently from where it is would lose steps, and the accumulator counts them all the same."""
+    stepgen, chip = new_stepgen(velocity_command=9000.0), Chip()
+    for number in range(3):
+        cycle(stepgen, chip, number)
+    stepgen.max_acceleration = 10.0
+    setattr(stepgen, name, value)
+    cycle(stepgen, chip, 3)
+    signed = stepgen.rate - (1 << 32) if stepgen.rate >> 31 else stepgen.rate
+    assert abs(signed) * CLOCK / 2**32 == pytest.approx(stepgen.max_step_rate)
+    assert stepgen.velocity == pytest.approx(stepgen.max_step_rate / abs(stepgen.scale))
+
+
 def test_acceleration_is_limited_in_velocity_control() -> None:
     stepgen, chip = new_stepgen(velocity_command=100.0, max_acceleration=1000.0), Chip()
     seen = []
