@@ -232,8 +232,8 @@ class TpPwms(CommandedInstances[TpPwm]):
     def disable(self, tp_pwm: TpPwm) -> None:
         """Turn one bridge off."""
         tp_pwm._enable = False
+        self.update()  # first: if the write is lost, the next exchange brings all phases to the centre
         self.write(Registers.enable.number, 0, tp_pwm.index)
-        self.update()
 
     def _off(self) -> None:
         for tp_pwm in self._instances:

@@ -71,6 +71,25 @@ def test_the_text_off_does_not_switch_on(board: Board) -> None:
     assert bridge.enable is False
 
 
+def test_a_bridge_that_could_not_be_turned_off_gets_no_more_voltage(
+    board: Board, emulated: EmulatedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bridge = board.tp_pwms[0]
+    bridge.enable = True
+    bridge.a, bridge.b = 0.5, -0.5
+    board.cycle.run()
+    with monkeypatch.context() as patched:
+
+        def lost(address: int, words: object) -> None:
+            raise errors.TransportTimeout("lost")
+
+        patched.setattr(board, "write", lost)
+        with pytest.raises(errors.TransportTimeout):
+            bridge.enable = False
+    board.cycle.run()
+    assert board.tp_pwms._words[0] == 512 | 512 << 10 | 512 << 20
+
+
 def test_the_dead_time_in_both_instances(board: Board, words: dict[int, int]) -> None:
     board.tp_pwms[1].dead_time = 1e-6
     # ns * clock * rate / (2 * 65536 * 1e9), never less
