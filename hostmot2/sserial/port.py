@@ -25,7 +25,7 @@ from hostmot2.sserial.memory import PortMemory
 from hostmot2.sserial.places import places
 from hostmot2.sserial.remotes import Remotes, numbers
 from hostmot2.sserial.results import DoitResult, Scan, StartResult
-from hostmot2.sserial.status import ChannelStatus, Fault
+from hostmot2.sserial.status import ChannelStatus, Fault, tell
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
@@ -65,7 +65,7 @@ class SserialPort(PortMemory):
         self.faults: deque[Fault] = deque(maxlen=FAULTS_KEPT)
         """New faults as they appeared, the latest last."""
         self.on_faults: list[Callable[[tuple[Fault, ...]], None]] = []
-        """Called with new faults, whoever's transfer brought them, while the board's lock is held."""
+        """All called with new faults, whoever's transfer brought them, while the board's lock is held."""
         self.faults_lost = 0
         """Faults that came faster than they were taken."""
         self.last_cycle = DoitResult(0)
@@ -376,8 +376,7 @@ class SserialPort(PortMemory):
                     found[i] = replace(fault, fault_names=known.fault_names)
             faults = tuple(found)
             self.faults.extend(faults)
-            for action in self.on_faults:
-                action(faults)
+            tell(self.on_faults, faults)
         return faults
 
     def rows(self) -> list[tuple[str, ...]]:

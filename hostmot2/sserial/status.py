@@ -11,7 +11,7 @@ Whether one transfer worked is the DATA register's to say, which `DoitResult.fai
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -191,3 +191,15 @@ class FaultWatcher:
         """The channels (None: all) were stopped: nothing is known of them any more."""
         for channel in list(self._watches) if channels is None else channels:
             self._watches.pop(channel, None)
+
+
+def tell(actions: Iterable[Callable[[tuple[Fault, ...]], None]], faults: tuple[Fault, ...]) -> None:
+    """Call all with new faults: cards drop their enables in theirs. The first exception is raised last."""
+    failed: BaseException | None = None
+    for action in actions:
+        try:
+            action(faults)
+        except BaseException as error:
+            failed = failed or error
+    if failed is not None:
+        raise failed

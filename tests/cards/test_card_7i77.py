@@ -153,6 +153,23 @@ def test_the_remotes_are_told_apart_by_unit_number_not_by_position(emulated: Emu
         assert io.get("output") == 4
 
 
+def test_a_fault_drops_the_enables_also_behind_a_callback_that_raises(emulated: EmulatedBoard) -> None:
+    def broken(faults: object) -> None:
+        raise RuntimeError("a callback of the user's")
+
+    with hostmot2.open(emulated) as board:
+        board.sserial[0].on_faults.append(broken)
+        card = board.card("7i77")
+        card.start()
+        cycles(card, emulated, 2)
+        card.analog_enable = True
+        cycles(card, emulated, 2)
+        remotes(emulated)[1].fault = 0x08
+        with pytest.raises(RuntimeError, match="callback"):
+            cycles(card, emulated, 3)
+        assert card.analog_enable is False
+
+
 def test_a_fault_drops_the_enables_and_they_stay_off(card: Any, emulated: EmulatedBoard) -> None:
     card.start()
     card.analog[0].volts = 5.0
