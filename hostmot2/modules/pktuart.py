@@ -75,15 +75,14 @@ class Pktuart:
         if not 0 <= filter_clocks <= (0xFFFF if self._version >= 2 else 0xFF):
             raise ValueError(f"packet UART {self.index}: filter of {filter_clocks} clocks")
         bits = 24 if self._version >= 2 else 20
-        self._rate = dds_rate(baud, self._tx.clock, bits, bits)
-        self._bits, self._filter = 10 + (parity != "none") + two_stop_bits, filter_clocks
-        self._tx_mode = _TX.drive_auto.mask | _TX.drive_delay.put(drive_delay)
-        self._rx_mode = _RX.receive_enable.mask | _RX.filter_low.put(filter_clocks & 0xFF)
+        rate = dds_rate(baud, self._tx.clock, bits, bits)
+        tx_mode = _TX.drive_auto.mask | _TX.drive_delay.put(drive_delay)
+        rx_mode = _RX.receive_enable.mask | _RX.filter_low.put(filter_clocks & 0xFF)
         odd, checked = parity == "odd", parity != "none"
         framing = _TX.parity.put(checked) | _TX.parity_odd.put(odd)
         framing |= _TX.two_stop_bits.put(two_stop_bits) | _TX.inter_frame.put(inter_frame)
-        self._tx_mode |= framing
-        self._rx_mode |= framing  # the same bits
+        self._rate, self._tx_mode, self._rx_mode = rate, tx_mode | framing, rx_mode | framing  # the same bits
+        self._bits, self._filter = 10 + (parity != "none") + two_stop_bits, filter_clocks
         self.configure()
         self._tx.drive(self.index, f"pktuart {self.index}")
         self._board.ioport.claim(self._rx.pins(self.index), f"pktuart {self.index}")

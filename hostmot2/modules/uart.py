@@ -46,11 +46,11 @@ class Uart:
         ValueError.
         """
         mode = UartTx.mode
-        self._rate = dds_rate(baud, self._tx.clock, 20, UartTx.bit_rate.rate.width)
-        self._tx_mode = mode.drive_delay.put(drive_delay) | (
-            mode.drive_auto.mask if auto_drive else mode.drive_enable.mask
-        )
-        self._rx_mode = UartRx.mode.mask_enable.put(half_duplex)
+        rate = dds_rate(baud, self._tx.clock, 20, UartTx.bit_rate.rate.width)
+        tx_mode = mode.drive_delay.put(drive_delay)
+        tx_mode |= mode.drive_auto.mask if auto_drive else mode.drive_enable.mask
+        rx_mode = UartRx.mode.mask_enable.put(half_duplex)
+        self._rate, self._tx_mode, self._rx_mode = rate, tx_mode, rx_mode
         self.configure()
         self._tx.drive(self.index, f"uart {self.index}")
         if self._rx:

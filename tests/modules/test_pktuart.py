@@ -43,6 +43,20 @@ def board(emulated: EmulatedBoard) -> Iterator[Board]:
         yield board
 
 
+@pytest.mark.parametrize("wrong", [{"inter_frame": 256}, {"drive_delay": 16}, {"drive_delay": "1"}])
+def test_a_setup_that_was_refused_changes_nothing(
+    board: Board, monkeypatch: pytest.MonkeyPatch, wrong: dict[str, Any]
+) -> None:
+    uart = board.pktuarts[0]
+    words = written(board, monkeypatch)
+    with pytest.raises((TypeError, ValueError)):
+        uart.setup(9600, **wrong)
+    with pytest.raises(ValueError, match="call setup first"):
+        uart.send(b"x")
+    board.restore()
+    assert not [address for address in words if TX <= address < RX + 0x400]
+
+
 @pytest.mark.parametrize(("version", "bits"), [(0, 20), (1, 20), (2, 24), (3, 24)])
 def test_the_rate_by_version(version: int, bits: int, monkeypatch: pytest.MonkeyPatch) -> None:
     with hostmot2.open(EmulatedBoard(card(version), clock="virtual")) as board:

@@ -49,6 +49,13 @@ def test_rates_and_modes(board: Board, emulated: EmulatedBoard) -> None:
     assert emulated.read(TX + 0x310) == 0x40
 
 
+def test_a_setup_that_was_refused_changes_nothing(board: Board) -> None:
+    uart = board.uarts[0]
+    with pytest.raises(ValueError, match="16 is outside"):
+        uart.setup(9600, drive_delay=16)
+    assert (uart.is_set_up, uart.baud) == (False, 0.0)
+
+
 @pytest.mark.parametrize("baud", [0, 50, 200e6, float("nan"), float("inf")])
 def test_speeds_the_clock_cannot_make_are_refused(board: Board, baud: float) -> None:
     with pytest.raises(ValueError, match="baud"):
