@@ -97,7 +97,7 @@ class OutputInstances(CommandedInstances[FieldOutputs]):
         self._off()
         # behind the I/O ports, whose directions must be there first
         self.join_cycle(Order.OTHERS)
-        board.on_restore(self._off)
+        board.on_restore(self._restore)
         board.on_close(self._off, SafeOff.GENERATORS)
 
     def switch(self, instance: int, on: bool) -> None:
@@ -107,6 +107,11 @@ class OutputInstances(CommandedInstances[FieldOutputs]):
             self.drive(instance, f"{self.descriptor.name} {instance}")
         else:
             self.let_go(instance)
+
+    def _restore(self) -> None:
+        for outputs in self._instances:
+            outputs._bits = 0  # what was wanted before a bite is not wanted by itself after it
+        self._off()
 
     def _off(self) -> None:
         for outputs in self._instances:

@@ -104,7 +104,7 @@ class Rcpwms(CommandedInstances[Rcpwm]):
         self._instances = [Rcpwm(self, n) for n in range(self.descriptor.instances)]
         self._off()
         self.join_cycle(Order.GENERATORS)
-        board.on_restore(self._off)
+        board.on_restore(self._restore)
         board.on_close(self._off, SafeOff.GENERATORS)
 
     def _clocks(self, hertz: float) -> int:
@@ -131,6 +131,11 @@ class Rcpwms(CommandedInstances[Rcpwm]):
     def longest(self) -> float:
         """Seconds of the longest pulse: 16 bits, and shorter than the repetition."""
         return min((Registers.width.periods.maximum + 1) * _STEP, self._period - 1) / self.clock
+
+    def _restore(self) -> None:
+        for rcpwm in self._instances:
+            rcpwm._value = 0.0  # what was wanted before a bite is not wanted by itself after it
+        self._off()
 
     def _off(self) -> None:
         for rcpwm in self._instances:

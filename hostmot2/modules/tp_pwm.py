@@ -166,7 +166,7 @@ class TpPwms(CommandedInstances[TpPwm]):
         self._off()
         self.cyclic(Registers.enable.number, self.status, write=False, order=Order.GENERATORS)
         self.join_cycle(Order.GENERATORS)
-        board.on_restore(self._off)
+        board.on_restore(self._restore)
         board.on_close(self._off, SafeOff.GENERATORS)
 
     def _rate_of(self, hertz: float) -> int:
@@ -234,6 +234,11 @@ class TpPwms(CommandedInstances[TpPwm]):
         tp_pwm._enable = False
         self.update()  # first: if the write is lost, the next exchange brings all phases to the centre
         self.write(Registers.enable.number, 0, tp_pwm.index)
+
+    def _restore(self) -> None:
+        for tp_pwm in self._instances:
+            tp_pwm._values = [0.0, 0.0, 0.0]  # what was wanted before a bite is not wanted by itself after it
+        self._off()
 
     def _off(self) -> None:
         for tp_pwm in self._instances:

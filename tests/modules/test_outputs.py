@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import hostmot2
+from hostmot2 import errors
 from hostmot2.board import Board
 from hostmot2.emulator.board import EmulatedBoard
 from tests.modules.module_card import ModuleWords, module_card, pin
@@ -55,6 +56,22 @@ def test_the_text_off_does_not_switch_on(board: Board, group: str) -> None:
         with pytest.raises(TypeError, match="True or False"):
             assign()
     assert (outputs.enable, outputs[0], outputs.is_inverted(0)) == (False, False, False)
+
+
+@pytest.mark.parametrize(("name", "first", "address"), GROUPS)
+def test_enabling_behind_a_bite_does_not_resume(
+    board: Board, emulated: EmulatedBoard, name: str, first: int, address: int
+) -> None:
+    outputs = getattr(board, name)[1]
+    outputs.invert(1)
+    outputs[0], outputs.enable = True, True
+    assert emulated.read(address) == 0b11
+    emulated.advance(100_000.0)
+    with pytest.raises(errors.WatchdogBite):
+        board.cycle.run()
+    board.watchdog.acknowledge()
+    outputs.enable = True
+    assert (outputs[0], outputs.is_inverted(1), emulated.read(address)) == (False, True, 0b10)
 
 
 @pytest.mark.parametrize(("hertz", "divider"), [(25e3, 1998), (1e6, 48), (2e6, 23), (25e6, 0)])
@@ -145,6 +162,8 @@ def test_off_behind_a_bite(board: Board, emulated: EmulatedBoard, group: str, fi
     assert emulated.pin(first).level == "H"
     assert emulated.read(data) == 0
     outputs.enable = True
+    outputs[0] = True
+    board.cycle.run()
     assert emulated.pin(first).level == "1"
 
 

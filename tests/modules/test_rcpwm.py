@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import hostmot2
+from hostmot2 import errors
 from hostmot2.board import Board
 from hostmot2.emulator.board import EmulatedBoard
 from tests.modules.module_card import ModuleWords, module_card, pin, written
@@ -55,6 +56,17 @@ def test_the_text_off_does_not_switch_on(board: Board) -> None:
     with pytest.raises(TypeError, match="True or False"):
         servo.enable = "off"
     assert servo.enable is False
+
+
+def test_enabling_behind_a_bite_does_not_resume(board: Board, emulated: EmulatedBoard) -> None:
+    servo = board.rcpwms[0]
+    servo.value, servo.enable = 1.0, True
+    emulated.advance(100_000.0)
+    with pytest.raises(errors.WatchdogBite):
+        board.cycle.run()
+    board.watchdog.acknowledge()
+    servo.enable = True
+    assert (servo.value, servo.width) == (0.0, 0.0015)
 
 
 def test_pulses_on_the_pin(board: Board, emulated: EmulatedBoard) -> None:

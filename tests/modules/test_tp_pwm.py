@@ -90,6 +90,20 @@ def test_a_bridge_that_could_not_be_turned_off_gets_no_more_voltage(
     assert board.tp_pwms._words[0] == 512 | 512 << 10 | 512 << 20
 
 
+def test_enabling_behind_a_bite_does_not_resume(board: Board, emulated: EmulatedBoard) -> None:
+    bridge = board.tp_pwms[0]
+    bridge.enable = True
+    bridge.a, bridge.b, bridge.c = 0.5, -0.5, 0.25
+    board.cycle.run()
+    emulated.advance(100_000.0)
+    with pytest.raises(errors.WatchdogBite):
+        board.cycle.run()
+    board.watchdog.acknowledge()
+    bridge.enable = True
+    assert (bridge.a, bridge.b, bridge.c) == (0.0, 0.0, 0.0)
+    assert bridge.word() == 512 | 512 << 10 | 512 << 20
+
+
 def test_the_dead_time_in_both_instances(board: Board, words: dict[int, int]) -> None:
     board.tp_pwms[1].dead_time = 1e-6
     # ns * clock * rate / (2 * 65536 * 1e9), never less
