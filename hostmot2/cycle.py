@@ -117,7 +117,7 @@ class Cycle:
         self._do(lib.hm2_cycle_read)
 
     def write(self) -> None:
-        """Write only. Errors as for run()."""
+        """Write only. Errors as for run(); a bite is seen by what reads, so do not only write."""
         self.arm_watchdog()
         self._do(lib.hm2_cycle_write)
 
