@@ -1163,6 +1163,8 @@ int hm2_udp_carrier_bus(const hm2_carrier *carrier, const hm2_udp_config *config
 void hm2_udp_get_counters(const struct hm2_udp *udp, hm2_udp_counters *counters);
 /* Error level 0 again, and the card's last sequence number unknown (after a restart of its engine). */
 void hm2_udp_clear(struct hm2_udp *udp);
+/* As by too many errors: every exchange fails with HM2_ERR_LINK until hm2_udp_clear. */
+void hm2_udp_give_up(struct hm2_udp *udp);
 /* Any LBP16 commands as one datagram; reply_size is what they must bring. Commands without a write and
  * with an address each are repeated after retry_ns; all others never. */
 int hm2_udp_lbp16(struct hm2_udp *udp, const uint8_t *commands, size_t length, uint8_t *reply, size_t reply_size,

@@ -147,6 +147,11 @@ void hm2_udp_clear(struct hm2_udp *udp)
 	udp->synchronized = 0;
 }
 
+void hm2_udp_give_up(struct hm2_udp *udp)
+{
+	udp->counters.failed = 1;
+}
+
 int hm2_udp_lbp16(struct hm2_udp *udp, const uint8_t *commands, size_t length, uint8_t *reply, size_t reply_size,
                   int64_t deadline_ns, hm2_error *error)
 {

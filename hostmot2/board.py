@@ -229,10 +229,15 @@ class Board:
             for action in self._transport.on_recover:
                 action()
             has_watchdog = any(module.gtag == Gtag.WATCHDOG for module in self.modules)
-            if has_watchdog and self.watchdog.check():
-                self.watchdog.acknowledge()
-            else:
-                self.restore()
+            try:
+                if has_watchdog and self.watchdog.check():
+                    self.watchdog.acknowledge()
+                else:
+                    self.restore()
+            except errors.TransportError:  # outputs may be as they were: nothing goes on from there by itself
+                for action in self._transport.on_give_up:
+                    action()
+                raise
 
     def close(self) -> None:
         """Turn outputs off, let the transport go. Idempotent.

@@ -195,3 +195,27 @@ def test_a_link_given_up_is_used_again_with_everything_configured_anew_and_outpu
         driver.exchange()
         with server.card.hold():
             assert card.sserial[0].remote(1).get("analogena") == 1
+
+
+def test_a_link_that_could_not_be_taken_up_is_given_up_again():
+    """One failure is no reason to give a link up, but behind it nothing is configured and outputs are on."""
+    with (
+        EmulatedBoard("7i92+7i77", clock="real") as card,
+        EthernetServer(card) as server,
+        hostmot2.open(f"{server.url}?retry_ms=3") as board,
+    ):
+        board.cycle.automatic_watchdog = False
+        driver = board.card("7i77")
+        driver.start()
+        driver.analog[0].volts, driver.analog_enable = 3.0, True
+        driver.exchange()
+        server.set_fault("loss=100%")
+        with pytest.raises(errors.LinkFailed):
+            exchange_until_given_up(driver)
+        with pytest.raises(errors.TransportError):
+            board.recover()
+        server.set_fault("")
+        with pytest.raises(errors.LinkFailed):
+            driver.exchange()
+        board.recover()
+        assert not driver.started

@@ -128,6 +128,10 @@ class UdpLink:
         """Error level 0; forget the card's last sequence number, as after a restart of its engine."""
         lib.hm2_udp_clear(self.handle)
 
+    def give_up(self) -> None:
+        """As by too many errors: LinkFailed until clear()."""
+        lib.hm2_udp_give_up(self.handle)
+
     def close(self) -> None:
         """Close the socket, unless a board has taken the bus over and closed it."""
         if not self._closed:
@@ -182,6 +186,7 @@ def transport_over(link: UdpLink, url: str) -> Transport:
         keep=(link,),
         on_close=[link.disown],
         on_recover=[link.clear],
+        on_give_up=[link.give_up],
     )
 
 
