@@ -7,6 +7,7 @@ import os
 import threading
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from enum import IntEnum
 from types import TracebackType
 from typing import Any, Self
@@ -18,7 +19,7 @@ from hostmot2.handles import own
 from hostmot2.idrom import Idrom, ModuleDescriptor, PinDescriptor
 from hostmot2.inventory import Inventory, read_inventory
 from hostmot2.parts import PARTS
-from hostmot2.registers import Gtag
+from hostmot2.registers import Gtag, Id
 from hostmot2.transports.base import Transport
 
 
@@ -253,6 +254,8 @@ class Board:
             self._closing = True
             try:
                 lib.hm2_board_set_gate(self._handle, 0)  # making safe is writing, too
+                with suppress(Exception):  # making safe will tell what is wrong
+                    self._try_link_once_more()
                 failed = self._make_safe() if not self.read_only else []
                 self._close_bus()
             except BaseException:  # Ctrl-C between two actions: each may be done twice, none may be left out
@@ -291,6 +294,18 @@ class Board:
                 except BaseException as again:  # even a second one must not leave outputs on
                     failed.append(again)
         return failed
+
+    def _try_link_once_more(self) -> None:
+        """One that was given up may be back: then outputs need not be left to the watchdog."""
+        if self.read_only or not self._transport.given_up():
+            return
+        for action in self._transport.on_recover:
+            action()
+        try:
+            self.read(Id.cookie.number)
+        except errors.TransportError:
+            for action in self._transport.on_give_up:
+                action()
 
     def _close_bus(self) -> None:
         """Each part of it may be done twice: what is closed stays closed."""

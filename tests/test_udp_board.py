@@ -219,3 +219,27 @@ def test_a_link_that_could_not_be_taken_up_is_given_up_again():
             driver.exchange()
         board.recover()
         assert not driver.started
+
+
+@pytest.mark.parametrize("back", [True, False])
+def test_closing_tries_a_link_that_was_given_up_once_more(back):
+    with EmulatedBoard("7i92+7i77", clock="real") as card, EthernetServer(card) as server:
+        board = hostmot2.open(f"{server.url}?retry_ms=3")
+        board.cycle.automatic_watchdog = False
+        driver = board.card("7i77")
+        driver.start()
+        driver.exchange()
+        ddr = board.module(Gtag.IOPORT).register_address(Ioport.ddr.number, 0)
+        server.set_fault("loss=100%")
+        with pytest.raises(errors.LinkFailed):
+            exchange_until_given_up(driver)
+        if not back:
+            with pytest.raises(errors.LinkFailed):
+                board.close()
+            return
+        server.set_fault("")
+        with server.card.hold():
+            assert card.read(ddr), "pins are driven"
+        board.close()
+        with server.card.hold():
+            assert card.read(ddr) == 0

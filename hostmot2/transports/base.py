@@ -15,7 +15,7 @@ class Transport:
     name as the transport knows it ("5I25", "7I80HD-16"), None when only the IDROM can tell. keep: objects
     that must live as long as the bus. virtual_time: its clock stands still unless somebody waits on it.
     on_close: called once, after the bus is closed. on_recover: called before a link that was given up is used
-    again. on_give_up: called when that did not succeed.
+    again. on_give_up: called when that did not succeed. given_up: whether the link is.
     """
 
     bus: Any
@@ -27,3 +27,4 @@ class Transport:
     on_close: list[Callable[[], None]] = field(default_factory=list)
     on_recover: list[Callable[[], None]] = field(default_factory=list)
     on_give_up: list[Callable[[], None]] = field(default_factory=list)
+    given_up: Callable[[], bool] = lambda: False

@@ -187,6 +187,7 @@ def transport_over(link: UdpLink, url: str) -> Transport:
         on_close=[link.disown],
         on_recover=[link.clear],
         on_give_up=[link.give_up],
+        given_up=lambda: link.counters.failed,
     )
 
 
