@@ -213,10 +213,19 @@ class Board:
         self._restore.append((order, len(self._restore), action))
 
     def restore(self) -> None:
-        """Write the card's configuration anew, as after a watchdog bite or a lost link; outputs stay off."""
+        """Write the card's configuration anew, as after a watchdog bite or a lost link; outputs stay off.
+
+        A part that fails does not keep others from it; the first exception is raised behind all.
+        """
+        failed: list[Exception] = []
         with self.lock:
             for _, _, action in sorted(self._restore, key=lambda entry: entry[:2]):
-                action()
+                try:
+                    action()
+                except Exception as error:
+                    failed.append(error)
+        if failed:
+            raise failed[0]
 
     def recover(self) -> None:
         """Use the card again after LinkFailed: the link's errors forgotten, the configuration written anew.

@@ -204,6 +204,17 @@ class Outputs(Elements):
         return value
 
     def __setitem__(self, name: str, value: float) -> None:
+        array, index, checked = self._place(name, value)
+        array[index] = checked
+
+    def update(self, values: Mapping[str, float]) -> None:
+        """Assign several elements. KeyError, TypeError, ValueError before anything is assigned."""
+        places = [self._place(name, value) for name, value in values.items()]
+        for array, index, checked in places:
+            array[index] = checked
+
+    def _place(self, name: str, value: float) -> tuple[Any, int, float]:
+        """Where a value goes, and as what."""
         index = self._index[name]
         field = self._data._elements[index][1].field
         if isinstance(value, str | bytes):
@@ -214,18 +225,10 @@ class Outputs(Elements):
                 raise TypeError(f"{name} takes an int of {field.bits} bits, not {type(value).__name__}")
             if not 0 <= word < 1 << field.bits:
                 raise ValueError(f"{name} has {field.bits} bits, {value} does not fit")
-            self._data._raw[index] = word
-        elif field.kind is FieldKind.BOOLEAN:
-            self._data._values[index] = 1.0 if value and not math.isnan(value) else 0.0
-        else:
-            self._data._values[index] = float(value)
-
-    def update(self, values: Mapping[str, float]) -> None:
-        """Assign several elements. KeyError for an unknown name, before anything is assigned."""
-        for name in values:
-            self._index[name]
-        for name, value in values.items():
-            self[name] = value
+            return self._data._raw, index, word
+        if field.kind is FieldKind.BOOLEAN:
+            return self._data._values, index, 1.0 if value and not math.isnan(value) else 0.0
+        return self._data._values, index, float(value)
 
     def off(self) -> None:
         """Everything to 0 and False."""

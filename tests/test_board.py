@@ -117,6 +117,22 @@ def test_safe_off_runs_in_order_once_and_while_the_card_can_be_written(card_file
     assert file_word(card_file, 0x1100) == 0xAB
 
 
+def test_restoring_goes_on_behind_a_part_that_fails(card_file: Path) -> None:
+    board = hostmot2.open(f"pci://{card_file}")
+    ran: list[str] = []
+
+    def fail() -> None:
+        ran.append("fails")
+        raise errors.ModuleTimeout("the first that failed")
+
+    board.on_restore(fail, SafeOff.GENERATORS)
+    board.on_restore(lambda: ran.append("I/O ports"), SafeOff.IOPORT)
+    with pytest.raises(errors.ModuleTimeout, match="the first"):
+        board.restore()
+    assert ran == ["fails", "I/O ports"]
+    board.close()
+
+
 def test_safe_off_goes_on_behind_an_action_that_fails(card_file: Path) -> None:
     board = hostmot2.open(f"pci://{card_file}")
     ran: list[str] = []

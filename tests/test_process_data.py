@@ -405,6 +405,15 @@ def test_mistakes_of_the_caller():
         data.outputs[0].configure("x", low=math.nan)
 
 
+@pytest.mark.parametrize("bad", [16, "5", 1.5])
+def test_of_several_elements_none_is_assigned_if_one_cannot_be(bad):
+    layout = Layout([Field(name, FieldKind.BITS, 4, OUT) for name in ("x", "y")])
+    data = ProcessData({0: layout}, words=3)
+    with pytest.raises((TypeError, ValueError)):
+        data.outputs[0].update({"x": 1, "y": bad})
+    assert data.outputs[0]["x"] == 0
+
+
 @pytest.mark.parametrize(
     ("kind", "bits"),
     [("FLOAT", 16), ("SIGNED", 0), ("SIGNED", 65), ("ENCODER", 65), ("NONVOL_SIGNED", 8), ("PAD", 256)],

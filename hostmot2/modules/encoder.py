@@ -59,7 +59,11 @@ class Encoder:
 
     @property
     def velocity(self) -> float:
-        """Units per second, from the times of the counts; 0 after velocity_timeout without a count."""
+        """Units per second, from the times of the counts; 0 after velocity_timeout without a count.
+
+        The 16-bit stamps wrap every 33 ms (see timestamp_rate): with exchanges further apart than that an
+        axis that counts less often than it is read looks faster than it is.
+        """
         return float(self._state.velocity)
 
     @property

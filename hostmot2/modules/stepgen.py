@@ -63,7 +63,11 @@ class Stepgen:
 
     @property
     def position(self) -> float:
-        """Units, from the hardware's own accumulator; 0 at the first exchange."""
+        """Units, from the hardware's own accumulator; 0 at the first exchange.
+
+        The accumulator does not know of pins that the watchdog let go: behind a bite it holds steps that were
+        not made, until acknowledge() stops it. Find the machine's position anew.
+        """
         return float(self._state.position)
 
     @property
