@@ -17,6 +17,7 @@ struct hm2_board {
 	_Atomic int open;
 	_Atomic int outstanding; /* a begin without its finish */
 	_Atomic int gate_shut;   /* writes are refused */
+	_Atomic uint32_t shuttings;
 	int read_only;
 	int64_t timeout_ns;
 	uint64_t reads_begun; /* words of the outstanding list, counted when it has come back */
@@ -100,7 +101,13 @@ void hm2_board_pause_ns(struct hm2_board *board, int64_t ns)
 
 void hm2_board_set_gate(struct hm2_board *board, int shut)
 {
-	board->gate_shut = shut;
+	if (atomic_exchange(&board->gate_shut, shut) == 0 && shut)
+		atomic_fetch_add(&board->shuttings, 1);
+}
+
+uint32_t board_shuttings(const struct hm2_board *board)
+{
+	return board->shuttings;
 }
 
 int hm2_board_gate_is_shut(const struct hm2_board *board)

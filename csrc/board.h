@@ -1,4 +1,4 @@
-/* What a cycle's participants need to know of a board. Private to csrc/board.c, csrc/cycle.c and csrc/sserial_cyclic.c. */
+/* What a cycle's participants need to know of a board. Private to csrc/board.c, cycle.c, engine*.c and sserial_cyclic.c. */
 #ifndef HM2_BOARD_H
 #define HM2_BOARD_H
 
@@ -8,5 +8,7 @@
 uint64_t board_failed(const struct hm2_board *board);
 /* One that its maker gave up before it had begun. */
 void board_given_up(struct hm2_board *board);
+/* How often its gate has been shut. */
+uint32_t board_shuttings(const struct hm2_board *board);
 
 #endif

@@ -203,6 +203,7 @@ static void prepare(struct hm2_engine *engine)
 	engine->status.stale = 0;
 	engine->elapsed_periods = 1;
 	engine->overruns_in_a_row = 0;
+	engine->shuttings = board_shuttings(engine->board);
 	engine->has_outputs = 0;
 	engine->due_ns = engine_now_ns(engine) + engine->config.period_ns;
 	(void)engine_take_outputs(engine); /* what was meant for the last run is not for this one */

@@ -2,6 +2,7 @@
 #ifndef HM2_ENGINE_H
 #define HM2_ENGINE_H
 
+#include "board.h"
 #include "clock.h"
 #include "cycle.h"
 #include "error.h"
@@ -117,6 +118,7 @@ struct hm2_engine {
 	int64_t due_ns;            /* start of the next cycle */
 	int64_t elapsed_periods;   /* since the cycle before */
 	int32_t overruns_in_a_row;
+	uint32_t shuttings; /* of the board's gate, seen so far */
 	struct engine_image image;
 	struct engine_trace trace;
 	struct hm2_record_ring *events;

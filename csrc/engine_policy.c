@@ -170,11 +170,21 @@ static int is_stale(const struct hm2_engine *engine)
 	return limit && stale;
 }
 
+/* A bite may have come and been acknowledged since the cycle before, and nobody arms the watchdog but who enables. */
+static void judge_gate(struct hm2_engine *engine)
+{
+	const uint32_t shuttings = board_shuttings(engine->board);
+	if (shuttings != engine->shuttings)
+		engine_off(engine, HM2_OFF_BITE);
+	engine->shuttings = shuttings;
+}
+
 /* Enabling looks at nothing but the request: what still holds turns outputs off again before they are sent. Requests are
  * looked at before outputs, as who enables has written first, and behind them, as who disables may write then. */
 void engine_judge_outputs(struct hm2_engine *engine)
 {
 	const int64_t now_ns = engine_now_ns(engine);
+	judge_gate(engine);
 	const uint32_t requests = atomic_exchange(&engine->requests, 0);
 	const int fresh = engine_take_outputs(engine);
 	if (fresh) {

@@ -303,6 +303,35 @@ def test_a_bite_turns_outputs_off_and_the_view_stays(board: Any, emulated: Emula
         assert run(engine, 2).cycle == cycle + 2
 
 
+def test_outputs_enabled_again_behind_a_bite_are_watched_again() -> None:
+    """An engine without smart serial runs on, and if nobody arms the watchdog so do motors when it dies."""
+    emulated = EmulatedBoard("7i96", clock="virtual")
+    with hostmot2.open(emulated) as board, board.engine(dead_man=0) as engine:
+        assert run(engine, 3).off == 0
+        for _ in range(2):
+            emulated.advance(60_000.0)
+            assert run(engine, 2).off == Off.BITE
+            engine.enable()
+            assert run(engine, 2).off == Off.BITE
+            board.watchdog.acknowledge()
+            assert run(engine, 2).off == Off.BITE
+            engine.enable()
+            assert run(engine, 2).off == 0
+            assert board.watchdog.armed
+
+
+def test_a_bite_that_was_acknowledged_between_two_cycles_turns_outputs_off_all_the_same() -> None:
+    emulated = EmulatedBoard("7i96", clock="virtual")
+    with hostmot2.open(emulated) as board, board.engine(dead_man=0) as engine:
+        assert run(engine, 3).off == 0
+        emulated.advance(60_000.0)
+        board.watchdog.acknowledge()
+        assert run(engine, 2).off == Off.BITE
+        engine.enable()
+        assert run(engine, 2).off == 0
+        assert board.watchdog.armed
+
+
 # -- controllers
 
 

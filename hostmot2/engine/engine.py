@@ -336,7 +336,15 @@ class Engine(EngineView):
                 return self.read()
 
     def enable(self) -> None:
-        """Write the outputs, and turn them on after they went off. What still holds turns them off again."""
+        """Write the outputs, and turn them on after they went off. What still holds turns them off again.
+
+        The watchdog is armed anew if a bite has been acknowledged. Raises TransportError if that fails.
+        """
+        self._require()
+        if self._has_watchdog and not (self.board.watchdog.armed or self.board.watchdog.has_bitten):
+            with self.board.lock:
+                self._require()
+                self.board.watchdog.arm()
         with self._lock:
             self.write()
             lib.hm2_engine_enable(self.handle)
