@@ -656,6 +656,16 @@ typedef struct hm2_watchdog {
 
 void hm2_watchdog_part(hm2_watchdog *watchdog, hm2_cyclic *part);
 
+/* The DPLL's part: sync is read each cycle. While settling counts down the phase is written, and control0 last. */
+typedef struct hm2_dpll {
+	uint32_t sync_address, phase_address, control0_address;
+	uint32_t sync, phase, control0; /* words of the exchange */
+	int32_t settling;               /* cycles that still write */
+	int32_t written;                /* private */
+} hm2_dpll;
+
+void hm2_dpll_part(hm2_dpll *dpll, hm2_cyclic *part);
+
 /* All encoders of one module: TSCount, then counts, then controls; controls written only when they must be. */
 typedef struct hm2_encoders {
 	hm2_timebase timebase;

@@ -32,15 +32,13 @@ class Dpll:
     def __init__(self, board: Board) -> None:
         self._board = board
         self._module = board.module(Gtag.DPLL)
-        self._sync: Any = ffi.new("uint32_t *")
-        self._phase: Any = ffi.new("uint32_t *")
+        self._state: Any = ffi.new("hm2_dpll *")
         self._timers = [0.0] * 4
         self._limit, self._time_constant = _DEFAULT_LIMIT, _DEFAULT_TIME_CONSTANT
         control1 = Registers.control1
         self.accumulator_bits = control1.accumulator_size.get(board.read(self._address(control1.number)))
         """Width of the phase accumulator."""
         self._frequency = 1000.0
-        self._settling = 0
         self._join_cycle()
         self._restore()
         board.on_restore(self._restore)
@@ -49,27 +47,13 @@ class Dpll:
         return self._module.register_address(register)
 
     def _join_cycle(self) -> None:
-        self._blocks = [
-            self._block(self._sync, Registers.sync.number, lib.HM2_TRANSFER_READ),
-            self._block(self._phase, Registers.phase.number, lib.HM2_TRANSFER_WRITE),
-        ]
-        self._board.cycle.after(self._settle)
-
-    def _block(self, words: Any, register: int, flags: int) -> Any:
-        block: Any = ffi.new("hm2_cyclic_words *")
-        block.transfer.address, block.transfer.count = self._address(register), 1
-        block.transfer.flags, block.transfer.words, block.enabled = flags, words, 1
-        part = ffi.new("hm2_cyclic *")
-        lib.hm2_cyclic_words_part(block, part)
-        self._board.cycle.add(part, (block, part), Order.DPLL)
-        return block
-
-    def _settle(self) -> None:
-        if self._settling:
-            self._settling -= 1
-            self._blocks[1].enabled = int(self._settling > 0)
-            if not self._settling:
-                self._write_control0()  # clears the filtered error gathered so far
+        state = self._state
+        state.sync_address = self._address(Registers.sync.number)
+        state.phase_address = self._address(Registers.phase.number)
+        state.control0_address = self._address(Registers.control0.number)
+        part: Any = ffi.new("hm2_cyclic *")
+        lib.hm2_dpll_part(state, part)
+        self._board.cycle.add(part, state, Order.DPLL)
 
     @property
     def frequency(self) -> float:
@@ -95,7 +79,7 @@ class Dpll:
     @property
     def phase_error(self) -> float:
         """Seconds between the card's cycle and the last exchange."""
-        raw = int(self._sync[0])
+        raw = int(self._state.sync)
         return (raw - (1 << 32) if raw >> 31 else raw) / float(1 << 32) / self._frequency
 
     def set_timer(self, number: int, seconds: float) -> None:
@@ -121,8 +105,8 @@ class Dpll:
     def _write_control0(self) -> None:
         prescale, _ = self._rates(self._frequency)
         control0 = Registers.control0
-        word = control0.prescale.put(prescale) | control0.limit.put(self._limit)
-        self._board.write(self._address(control0.number), word)
+        self._state.control0 = control0.prescale.put(prescale) | control0.limit.put(self._limit)
+        self._board.write(self._address(control0.number), self._state.control0)
 
     def _restore(self) -> None:
         _, base = self._rates(self._frequency)
@@ -131,8 +115,7 @@ class Dpll:
         control1 = Registers.control1
         self._board.write(self._address(control1.number), control1.filter_prescale.put(self._time_constant))
         self._write_timers()
-        self._settling = _SETTLE_CYCLES
-        self._blocks[1].enabled = 1
+        self._state.settling = _SETTLE_CYCLES
 
     def __repr__(self) -> str:
         return f"<Dpll {self._frequency:g} Hz, phase error {self.phase_error * 1e6:.1f} us>"

@@ -336,6 +336,28 @@ def test_the_loop_settles_on_the_exchanges(board: Board, emulated: EmulatedBoard
     assert "1000 Hz" in repr(dpll)
 
 
+@pytest.mark.parametrize("style", ["pipelined", "read-modify-write"])
+def test_in_an_engine_the_phase_is_set_a_hundred_times_and_then_followed(board: Board, style: Any) -> None:
+    """Set for ever, the card's clock would have every lateness of the exchanges."""
+    board.dpll.frequency = 1000.0
+    engine = board.engine(1000, dead_man=0, style=style)
+    ring = engine.record()
+    with engine:
+        for _ in range(300):
+            engine.step()
+        places = {address: n for n, (address, is_write) in enumerate(engine.layout()) if is_write}
+    records = ring.pop()
+
+    def written_in(address: int) -> list[int]:
+        word, bit = divmod(places[address], 32)
+        return [n for n, fresh in enumerate(records["fresh"][:, word]) if fresh >> bit & 1]
+
+    phase, control0 = written_in(SYNC + 0x100), written_in(SYNC + 0x200)
+    assert phase == list(range(len(phase)))
+    assert len(phase) in (99, 100)
+    assert control0 == [len(phase)]  # clears the error that was filtered meanwhile
+
+
 def test_firmware_that_can_swaps_step_and_direction(monkeypatch: pytest.MonkeyPatch) -> None:
     modules = tuple(replace(m, version=0x42) if m.gtag == STEPGEN else m for m in CARD.modules)
     with hostmot2.open(EmulatedBoard(replace(CARD, modules=modules), clock="virtual")) as board:
