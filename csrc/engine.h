@@ -117,6 +117,7 @@ struct hm2_engine {
 	int has_outputs;           /* they are of this run */
 	int64_t due_ns;            /* start of the next cycle */
 	int64_t elapsed_periods;   /* since the cycle before */
+	int64_t late_periods;      /* of those, passed before this cycle began */
 	int32_t overruns_in_a_row;
 	uint32_t shuttings; /* of the board's gate, seen so far */
 	struct engine_image image;

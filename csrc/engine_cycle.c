@@ -44,11 +44,26 @@ void engine_prepare(struct hm2_engine *engine, int64_t due_ns)
 	engine_warm_record(engine);
 }
 
+static int are_left_out(const struct hm2_engine *engine, int64_t periods)
+{
+	return engine->config.overrun == HM2_OVERRUN_SKIP || periods > CATCH_UP_PERIODS;
+}
+
+/* Those that passed before a late cycle began lie between its readings and the last ones: told only to the next cycle they
+ * would make what is taken from differences several times too high in this one. */
+static void count_late_periods(struct hm2_engine *engine)
+{
+	const int64_t late = engine->record.stage_ns[HM2_STAGE_WAKE] / engine->config.period_ns;
+	engine->late_periods = are_left_out(engine, late) ? late : 0;
+	engine->elapsed_periods += engine->late_periods;
+}
+
 /* Now, as engine_prepare was told. */
 void engine_cycle(struct hm2_engine *engine)
 {
 	const int modify = engine->config.style == HM2_ENGINE_READ_MODIFY_WRITE;
 	engine_stamp(engine, HM2_STAGE_WAKE);
+	count_late_periods(engine);
 	const int status = exchange(engine, 1, !modify, HM2_STAGE_REQUEST, HM2_STAGE_REPLY);
 	if (status == HM2_OK) {
 		cycle_process(engine->cycle);
@@ -84,10 +99,10 @@ void engine_schedule(struct hm2_engine *engine)
 	const int64_t missed = late >= 0 ? late / period + 1 : 0;
 	int64_t periods = 1;
 	engine_judge_time(engine, missed);
-	if (missed && (engine->config.overrun == HM2_OVERRUN_SKIP || missed > CATCH_UP_PERIODS)) {
+	if (missed && are_left_out(engine, missed)) {
 		engine->status.skipped += (uint64_t)missed;
 		periods += missed;
 	}
-	engine->elapsed_periods += periods;
+	engine->elapsed_periods += periods - engine->late_periods;
 	engine->due_ns += periods * period;
 }

@@ -112,6 +112,26 @@ def test_a_function_of_cffi_gets_inputs_commands_and_time_and_its_outputs_go_out
         assert emulated.sserial[0].remote(1).get("analogout0") == pytest.approx(3.5, abs=0.01)
 
 
+@pytest.mark.parametrize("overrun", ["skip", "catch-up"])
+def test_periods_that_passed_before_a_late_cycle_are_told_to_that_cycle(
+    board: Any, emulated: EmulatedBoard, compiled: Any, overrun: Any
+) -> None:
+    """Else what it takes from differences is several times too high once, and too low in the next."""
+    board.watchdog.timeout = 5
+    engine = board.engine(dead_man=0, overrun=overrun)
+    seen = seen_by(compiled, engine)
+    engine.add_control(compiled.ffi.addressof(compiled.lib, "look"), seen)
+    told = []
+    with engine:
+        for cycle in range(24):
+            if cycle in (8, 16):
+                emulated.advance(3500.0 if cycle == 8 else 20_500.0)
+            engine.step()
+            told.append(round(seen.seconds * 1000))
+    assert (told.pop(16), told.pop(8)) == (20, 3 if overrun == "skip" else 1)
+    assert set(told) == {1}
+
+
 def test_while_outputs_are_off_nothing_of_it_goes_out(
     board: Any, emulated: EmulatedBoard, compiled: Any
 ) -> None:
