@@ -218,6 +218,7 @@ static void prepare(struct hm2_engine *engine)
 	engine_load_outputs(engine);
 	engine_reset_axes(engine);
 	set_use(engine, HM2_SSERIAL_USE_CYCLE);
+	engine_publish(engine);
 }
 
 /* The card's signals are the caller's: a handler in this thread would be a cycle that waits for Python. */

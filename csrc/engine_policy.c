@@ -158,6 +158,12 @@ void hm2_engine_port_back(struct hm2_engine *engine, uint32_t port)
 	atomic_store_explicit(&engine->ports[port].state, HM2_PORT_RUNNING, memory_order_release);
 }
 
+int hm2_engine_port_is_given_up(const struct hm2_engine *engine, uint32_t port)
+{
+	return port < engine->port_count &&
+	       atomic_load_explicit(&engine->ports[port].state, memory_order_acquire) == HM2_PORT_GIVEN_UP;
+}
+
 /* A network may lose every other exchange, those with a DOIT: none of them in a row, and yet a port's inputs are old. So
  * for a port lost and hidden results are counted together. */
 static int is_stale(const struct hm2_engine *engine)

@@ -1556,6 +1556,8 @@ void hm2_engine_enable(struct hm2_engine *engine);
 void hm2_engine_disable(struct hm2_engine *engine);
 /* After a port was given up: it was started anew and takes part again. Or after it was lent. */
 void hm2_engine_port_back(struct hm2_engine *engine, uint32_t port);
+/* Whether it is given up now: the status tells what the last cycle knew. */
+int hm2_engine_port_is_given_up(const struct hm2_engine *engine, uint32_t port);
 /* Ask for a port for a moment, its channels running on: between two of its DOITs the cycle leaves it to others until
  * hm2_engine_port_back. 1: it is lent; 0: not yet, ask again after a cycle. wanted 0 takes the question back; the port may
  * have been lent just before: 1. One thread per port. */

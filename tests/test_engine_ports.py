@@ -191,6 +191,36 @@ def test_a_port_is_not_started_anew_for_an_engine_that_is_over(board: Any, emula
     assert late.left == {0: 1}
 
 
+def test_a_port_that_is_back_is_not_started_again_before_a_cycle_has_seen_it(
+    board: Any, emulated: EmulatedBoard
+) -> None:
+    """In an engine of 20 Hz the thread looks five times between two cycles: no try was left."""
+    board.watchdog.timeout = 5
+    with board.engine(fault_bucket=(10, 1, 50)) as engine:
+        run(engine, 5)
+        emulated.sserial[0].remote(1).inject(bad_crc=6)
+        assert run(engine, 30).status.ports_given_up == (True,)
+        restarter = Restarter(engine, 3, threaded=False)
+        for _ in range(5):
+            restarter.look()
+        assert (restarter.left, engine.restart_problems) == ({0: 2}, [])
+        assert run(engine, 2).status.ports_given_up == (False,)
+
+
+def test_a_run_begins_with_a_status_of_its_own(board: Any, emulated: EmulatedBoard) -> None:
+    """Before its first cycle the last run's would be seen, a port given up among it."""
+    board.watchdog.timeout = 5
+    engine = board.engine(fault_bucket=(10, 1, 50))
+    with engine:
+        run(engine, 5)
+        emulated.sserial[0].remote(1).inject(bad_crc=6)
+        assert run(engine, 30).status.ports_given_up == (True,)
+    board.sserial.start(0x03).raise_for_failed()
+    with engine:
+        status = engine.status
+        assert (status.running, status.ports_given_up, engine.off) == (True, (False,), Off.IDLE)
+
+
 def test_in_real_time_a_thread_starts_the_port_while_the_cycle_goes_on() -> None:
     emulated = EmulatedBoard("5i25+7i77", sserial_channels=2)
     with hostmot2.open(emulated) as board:

@@ -41,8 +41,8 @@ class Restarter:
 
     def look(self) -> None:
         """Start what is to be started."""
-        for number, given_up in enumerate(self._engine.status.ports_given_up):
-            if not given_up or self.left[number] <= 0:
+        for number, left in self.left.items():
+            if left <= 0 or not lib.hm2_engine_port_is_given_up(self._engine.handle, number):
                 continue
             # whoever closes the board holds its lock and waits for this thread to end
             if self._engine.board.lock.acquire(timeout=LOOK_SECONDS):
