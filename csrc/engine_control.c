@@ -62,6 +62,8 @@ int hm2_engine_set_pid(struct hm2_engine *engine, uint32_t axis, const hm2_pid *
 		set_settings(&engine->axes[axis].pid, settings);
 		return HM2_OK;
 	}
+	if (!atomic_load(&engine->running))
+		engine_take_settings(engine); /* no thread would before the caller's next cycle */
 	if (atomic_load_explicit(&engine->pending_full, memory_order_acquire))
 		return hm2_error_set(error, HM2_ERR_BUSY, "engine settings");
 	engine->pending_axis = &engine->axes[axis];

@@ -1525,7 +1525,7 @@ int hm2_engine_add_control(struct hm2_engine *engine, hm2_control control, void 
 int hm2_engine_add_pid(struct hm2_engine *engine, const hm2_pid *settings, int32_t command,
                        int32_t command_velocity, int32_t feedback, int32_t feedback_velocity, int32_t output,
                        hm2_error *error);
-/* New settings of an axis, from the next cycle on. HM2_ERR_BUSY: the last ones have not been taken yet. Not while another
+/* New settings of an axis, from the next cycle on. HM2_ERR_BUSY: the thread has not taken the last ones yet. Not while another
  * thread starts or stops the engine. */
 int hm2_engine_set_pid(struct hm2_engine *engine, uint32_t axis, const hm2_pid *settings, hm2_error *error);
 const hm2_pid *hm2_engine_pid(const struct hm2_engine *engine, uint32_t axis);

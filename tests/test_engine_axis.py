@@ -79,6 +79,20 @@ def test_no_two_axes_have_names_that_differ_in_capitals_alone(engine: Any) -> No
         engine.write()
 
 
+def test_in_virtual_time_several_axes_are_tuned_between_two_cycles(engine: Any) -> None:
+    """No cycle comes by itself to take one's settings before the next."""
+    first = axis_of(engine)
+    second = engine.add_pid("y", feedback="encoder1.position", output="analogout1", p=1.0, max_output=10)
+    with engine:
+        first.position = second.position = 2.0
+        engine.enable()
+        for axis, p in ((first, 3.0), (second, 4.0), (first, 0.5)):
+            axis.tune(p=p)
+        step(engine, 3)
+        assert first.output == pytest.approx(0.5 * first.error)
+        assert second.output == pytest.approx(4.0 * second.error)
+
+
 @pytest.mark.parametrize("told", [0.0, 3.0])
 def test_what_a_card_was_told_before_an_axis_was_added_goes_out(told: float) -> None:
     with hostmot2.open(EmulatedBoard("5i25+7i77", clock="virtual")) as board:
@@ -133,7 +147,12 @@ def test_nothing_goes_out_before_it_is_said_where_an_axis_shall_be_not_even_in_t
 
 
 @pytest.mark.parametrize(
-    ("setting", "refusal"), [({"speed": 1.0}, TypeError), ({"max_output": float("nan")}, ValueError)]
+    ("setting", "refusal"),
+    [
+        ({"speed": 1.0}, TypeError),
+        ({"max_output": float("nan")}, ValueError),
+        *(({name: -1.0}, ValueError) for name in ("max_output", "max_integral", "max_error", "deadband")),
+    ],
 )
 def test_settings_that_cannot_be_are_refused_and_change_nothing(
     engine: Any, setting: Any, refusal: Any

@@ -28,6 +28,8 @@ SETTINGS = (
 acceleration; output; units; limits of output, integral part and following error (0: none; max_integral: as
 max_output)."""
 
+NOT_NEGATIVE = ("deadband", "max_output", "max_integral", "max_error")
+
 MAILBOX_SECONDS = 1.0
 
 
@@ -39,6 +41,8 @@ def pid_of(settings: dict[str, float]) -> Any:
             raise TypeError(f"PID has no {name!r}; there are {', '.join(SETTINGS)}")
         if not float("-inf") < value < float("inf"):
             raise ValueError(f"PID {name}: {value}")
+        if value < 0 and name in NOT_NEGATIVE:
+            raise ValueError(f"PID {name}: {value} is no limit; 0 or more")
         setattr(pid, name, value)
     return pid
 
