@@ -63,8 +63,16 @@ class Cycle:
             self._board.watchdog.confirm()
 
     def add(self, part: Any, keep: Any, order: Order) -> None:
-        """Add a participant: `part` is a hm2_cyclic, `keep` whatever must live as long as the cycle."""
+        """Add a participant: `part` is a hm2_cyclic, `keep` whatever must live as long as the cycle.
+
+        Raises EngineError while an engine has the cycle: it would not take the part along.
+        """
         with self._board.lock:
+            if self.engine is not None:
+                raise errors.EngineError(
+                    f"{self._board.name}: a part of the board is used for the first time, while the cycle "
+                    "belongs to a running engine: use it before an engine is made"
+                )
             self._parts.append((order, len(self._parts), part, keep))
             self._handle = None
 

@@ -20,7 +20,8 @@ from engine_steps import run
 import hostmot2
 from hostmot2.emulator.board import EmulatedBoard
 from hostmot2.engine import Off
-from hostmot2.errors import EngineError
+from hostmot2.errors import EngineError, TransportClosed
+from hostmot2.registers import Gtag
 
 ROOT = Path(__file__).parent.parent
 
@@ -74,6 +75,39 @@ def test_a_started_engine_may_be_started_again_and_nothing_happens(board: Any) -
         assert engine.start() is engine
         assert run(engine, 1).status.cycles == cycles + 1
         assert engine.off == 0
+
+
+@pytest.mark.parametrize("ran_before", [False, True])
+def test_an_engine_of_a_closed_board_does_not_start(ran_before: bool) -> None:
+    with hostmot2.open(EmulatedBoard("7i96", clock="virtual")) as board:
+        board.cycle.automatic_watchdog = False
+        engine = board.engine()
+        if ran_before:
+            with engine:
+                run(engine, 3)
+    with pytest.raises(TransportClosed):
+        engine.start()
+    assert not engine.running
+
+
+def test_parts_that_an_engine_cannot_take_along_are_refused() -> None:
+    """What they were told never went out, what they showed never changed, and nothing said so."""
+    with hostmot2.open(EmulatedBoard("7i96", clock="virtual")) as board:
+        engine = board.engine()
+        with engine:
+            run(engine, 3)
+            with pytest.raises(EngineError, match="before an engine"):
+                board.ssrs[0].enable = True
+            assert run(engine, 3).off == 0
+        ssr = board.ssrs[0]
+        with pytest.raises(EngineError, match="make another one"):
+            engine.start()
+        assert (engine.running, board.cycle.engine) == (False, None)
+        with board.engine() as another:
+            ssr.enable = True
+            ssr[0] = True
+            run(another, 3)
+            assert board.read(board.module(Gtag.SSR).base) == 1
 
 
 def test_nothing_turns_on_by_itself_after_stop_and_start(board: Any) -> None:

@@ -23,7 +23,7 @@ from hostmot2.engine.restart import Restarter
 from hostmot2.engine.signals import Commands, PortData, Readings, Signal
 from hostmot2.engine.vectors import Vectors, doubles
 from hostmot2.engine.view import EngineView
-from hostmot2.errors import EngineError, check
+from hostmot2.errors import EngineError, TransportClosed, check
 from hostmot2.record_ring import RecordRing, record_dtype
 from hostmot2.registers import Gtag
 
@@ -187,13 +187,16 @@ class Engine(EngineView):
     def start(self) -> Self:
         """Arm the watchdog, take the board's cycle and begin, outputs off until write().
 
-        Raises EngineError if another engine runs or channels were started or stopped since this one was made,
-        ValueError for more signals than an engine has room for, WatchdogBite, TransportError.
+        Raises EngineError if another engine runs, if channels were started or stopped since this one was made
+        or parts of the board used for the first time since its first start, ValueError for more signals than
+        an engine has room for, WatchdogBite, TransportError.
         """
         with self.board.lock, self._lock:
             if self._started:
                 return self
             cycle = self.board.cycle
+            if self.board.closed:
+                raise TransportClosed(f"{self.board.name}: the board has been closed")
             if cycle.engine is not None:
                 raise EngineError(f"{self.board.name}: another engine is running")
             has_watchdog = cycle.automatic_watchdog and any(
@@ -226,8 +229,12 @@ class Engine(EngineView):
     def _take(self) -> None:
         for port in self._ports:
             port.take()  # before the cycle is looked at: its first time makes it part of that
+        cycle = self.board.cycle.handle
         if not self.handle:
-            self.handle, self._kept = build(self._plan, self.board.handle, self.board.cycle.handle)
+            self.handle, self._kept = build(self._plan, self.board.handle, cycle)
+            self._cycle = cycle
+        if self._cycle is not cycle:
+            raise EngineError(f"{self.board.name}: more parts are in use than at first: make another one")
 
     def _give_back(self) -> None:
         for port in self._ports:
