@@ -18,7 +18,7 @@ from hostmot2.engine import EventKind, Off
 from hostmot2.engine.signals import Signal
 from hostmot2.errors import EngineError
 from hostmot2.record_ring import STAGES
-from hostmot2.registers import Gtag
+from hostmot2.registers import Gtag, Sserial
 
 MS = 0.001
 
@@ -43,6 +43,23 @@ def test_a_cycle_is_one_exchange_pipelined_and_two_in_read_modify_write(
         before = board.counters["exchanges"]
         run(engine, 10)
         assert board.counters["exchanges"] - before == 10 * exchanges
+
+
+@pytest.mark.parametrize(("style", "later"), [("pipelined", 1), ("read-modify-write", 0)])
+def test_outputs_of_a_record_are_in_its_own_words_or_pipelined_in_the_next_one_s(
+    board: Any, style: Any, later: int
+) -> None:
+    engine = board.engine(style=style)
+    ring = engine.record()
+    with engine:
+        for volts in range(8):
+            engine.outputs["analogout0"] = volts
+            run(engine, 1)
+        layout = engine.layout()
+        records, place = ring.pop(), engine.outputs.index("analogout0")
+    word = layout.index((board.module(Gtag.SSERIAL).register_address(Sserial.user0.number, 0, 1), True))
+    sent = np.round((records["words"][:, word] & 0xFFF) / 409.5)
+    assert sent[later:].tolist() == records["outputs"][: 8 - later, place].tolist()
 
 
 @pytest.mark.parametrize("style", ["pipelined", "read-modify-write"])

@@ -19,7 +19,10 @@ class Frame:
         self.status = status
         self.inputs = inputs
         self.sent = sent
-        """What went out in that cycle, controllers included; zero while outputs are off."""
+        """What that cycle left to be sent, controllers included; zero while outputs are off.
+
+        It goes out in the same cycle in read-modify-write style, pipelined with the next cycle's request.
+        """
         self.outputs = outputs
 
     @property

@@ -50,7 +50,7 @@ _ABOUT = {
     "fresh": "bit n: word n was moved by this cycle",
     "words": "register image; /hm2/image says which register each word is",
     "inputs": "input values in engineering units",
-    "outputs": "output values in engineering units",
+    "outputs": "output values in engineering units; in pipelined style the next cycle's words have them",
 }
 
 
