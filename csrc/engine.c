@@ -221,6 +221,14 @@ static void prepare(struct hm2_engine *engine)
 	engine_publish(engine);
 }
 
+static void end(struct hm2_engine *engine)
+{
+	atomic_store(&engine->running, 0);
+	engine->status.running = 0;
+	set_use(engine, HM2_SSERIAL_USE_ANY);
+	engine_publish(engine);
+}
+
 /* The card's signals are the caller's: a handler in this thread would be a cycle that waits for Python. */
 static int launch_thread(struct hm2_engine *engine, struct launch *launch)
 {
@@ -246,9 +254,7 @@ int hm2_engine_start(struct hm2_engine *engine, hm2_engine_refusals *refusals, h
 	const int problem = launch_thread(engine, &launch);
 	if (problem) {
 		sem_destroy(&launch.ready);
-		atomic_store(&engine->running, 0);
-		engine->status.running = 0;
-		set_use(engine, HM2_SSERIAL_USE_ANY);
+		end(engine);
 		hm2_error_set(error, HM2_ERR_IO, "engine start");
 		if (error)
 			error->os_errno = problem;
@@ -267,15 +273,12 @@ void hm2_engine_stop(struct hm2_engine *engine)
 	if (atomic_load(&engine->running)) {
 		atomic_store(&engine->stopping, 1);
 		pthread_join(engine->thread, NULL);
-		atomic_store(&engine->running, 0);
 	} else if (engine->status.running) {
 		last_cycles(engine);
 	} else {
 		return;
 	}
-	engine->status.running = 0;
-	set_use(engine, HM2_SSERIAL_USE_ANY);
-	engine_publish(engine);
+	end(engine);
 }
 
 int hm2_engine_step(struct hm2_engine *engine, hm2_error *error)
