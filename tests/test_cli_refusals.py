@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import json
 import os
@@ -25,6 +26,7 @@ from hostmot2.cli.live import _audience
 from hostmot2.cli.run import start_remotes
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.errors import CardNotFound
+from hostmot2.lbp.errors import UpdateFailed
 from hostmot2.lbp.firmware import Plan, read_firmware
 
 cli = importlib.import_module("hostmot2.cli.main")  # hostmot2.cli.main is its function
@@ -227,6 +229,58 @@ def test_an_interrupted_update_goes_on_where_it_was(
     assert kept == [1, 2]
     assert command_line(*arguments, "--resume")[0] == 0
     assert kept == [1, 2, 3, 4]
+
+
+@pytest.mark.parametrize("resumed", [False, True])
+def test_what_an_update_that_began_anew_has_erased_is_not_left_out_by_the_next(
+    record: Any, command_line: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, resumed: bool
+) -> None:
+    """The remote went silent in the first block: what an earlier update had written is gone."""
+    (tmp_path / "7I77.BIN").write_bytes(bytes(range(1, 256)) * 20)
+    arguments = ("uflbp", str(tmp_path / "7I77.BIN"), "-p", "emu:7i77-io")
+    begun: list[int] = []
+
+    def interrupted(_remote: Any, _firmware: Any, todo: Any, *, done: int, progress: Any) -> None:
+        begun.append(done)
+        if len(begun) == 1:
+            progress(3, len(todo.blocks))
+        raise UpdateFailed("silent")
+
+    monkeypatch.setattr(cli_uflbp, "update", interrupted)
+    for more in ((), ("--resume",) if resumed else (), ("--resume",)):
+        assert command_line(*arguments, *more)[0] == 5
+    assert begun == ([0, 3, 3] if resumed else [0, 0, 0])
+
+
+def test_what_another_file_has_overwritten_is_not_left_out(
+    record: Any, command_line: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, fill in (("7I77.BIN", 1), ("7I77_NEW.BIN", 2)):
+        (tmp_path / name).write_bytes(bytes([fill]) * 0x1400)
+    begun: list[int] = []
+
+    def interrupted(_remote: Any, _firmware: Any, todo: Any, *, done: int, progress: Any) -> None:
+        begun.append(done)
+        if len(begun) == 1:
+            progress(3, len(todo.blocks))
+        raise UpdateFailed("silent")
+
+    monkeypatch.setattr(cli_uflbp, "update", interrupted)
+    for name, *more in (("7I77.BIN",), ("7I77_NEW.BIN",), ("7I77.BIN", "--resume")):
+        assert command_line("uflbp", str(tmp_path / name), "-p", "emu:7i77-io", *more)[0] == 5
+    assert begun == [0, 0, 0]
+
+
+def test_a_terminal_that_is_closed_waits_for_the_end_of_a_block(monkeypatch: pytest.MonkeyPatch) -> None:
+    def gone(*_arguments: object, **_options: object) -> None:
+        raise OSError(errno.EIO, "the terminal is gone")
+
+    before = signal.getsignal(signal.SIGHUP)
+    monkeypatch.setattr(cli_uflbp.click, "echo", gone)
+    with cli_uflbp._no_interrupt() as interrupted:
+        os.kill(os.getpid(), signal.SIGHUP)
+        assert interrupted()
+    assert signal.getsignal(signal.SIGHUP) is before
 
 
 # ---- remotes that do not start

@@ -6,7 +6,7 @@ import json
 import os
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from types import FrameType
@@ -64,6 +64,8 @@ def uflbp(
             return
         record = _Record(firmware, todo)
         done = record.done() if resume else 0
+        if not done:
+            record.forget()  # what was written before is about to be erased
         click.echo(f"hm2: {said}" + (f"; {done} done before" if done else ""), err=True)
         with stages() as advance, _no_interrupt() as interrupted:
 
@@ -124,22 +126,26 @@ class _Record:
             click.echo(f"hm2: cannot keep the progress: {failure}", err=True)
 
     def forget(self) -> None:
-        """The update is through."""
-        self._path.unlink(missing_ok=True)
+        """The update is through, or begins anew."""
+        with suppress(FileNotFoundError, NotADirectoryError):
+            self._path.unlink()
 
 
 @contextmanager
 def _no_interrupt() -> Iterator[Any]:
-    """Ctrl-C waits for the end of the block: nothing stops between erase and write."""
+    """Ctrl-C, or a closing terminal, waits for the end of the block: nothing stops between erase and write."""
     asked: list[int] = []
 
     def note(number: int, _frame: FrameType | None) -> None:
         asked.append(number)
-        click.echo("hm2: ending after this block", err=True)
+        with suppress(OSError):  # the terminal may be gone
+            click.echo("hm2: ending after this block", err=True)
 
-    before = signal.signal(signal.SIGINT, note), signal.signal(signal.SIGTERM, note)
+    before = {
+        number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    }
     try:
         yield lambda: bool(asked)
     finally:
-        signal.signal(signal.SIGINT, before[0])
-        signal.signal(signal.SIGTERM, before[1])
+        for number, handler in before.items():
+            signal.signal(number, handler)
