@@ -21,6 +21,7 @@ from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.cards import CARD_NAMES, card
 from hostmot2.emulator.control import ask
 from hostmot2.emulator.ethernet import DESCRIPTIONS, EthernetCard, EthernetDescription, EthernetServer
+from hostmot2.ethernet import Flash
 
 
 @pytest.fixture
@@ -64,6 +65,28 @@ def test_flash_commands(hm2, server, tmp_path: Path):
     assert (tmp_path / "all.bin.sha256").read_text().endswith(" *./all.bin\n")
     image.write_bytes(xilinx(payload(3000), part="6slx16ftg256"))
     assert hm2(*board, "write", "--yes", str(image))[0] == 6
+
+
+@pytest.mark.parametrize(("end", "status"), [(KeyboardInterrupt, 130), (None, 5)])
+def test_whoever_cuts_a_write_of_the_flash_short_is_told_what_is_in_it(
+    hm2, server, tmp_path: Path, monkeypatch, end, status
+):
+    image, board = tmp_path / "image.bit", ("--board", server.url, "flash")
+    image.write_bytes(xilinx(payload(3000)))
+    assert "whole" not in hm2(*board, "write", str(image), "--dry-run")[2]
+    real = Flash._write_page
+
+    def write_page(flash: Flash, address: int, page: bytes) -> None:
+        real(flash, address, page)
+        if end is not None:
+            raise end
+        server.stop()
+
+    monkeypatch.setattr(Flash, "_write_page", write_page)
+    found, out, err = hm2(*board, "write", str(image), "--yes")
+    assert (found, out) == (status, "")
+    assert "the user area may not be whole" in err
+    assert "write again before" in " ".join(err.split())
 
 
 def test_a_reload_turns_everything_off(hm2):

@@ -225,7 +225,9 @@ def test_an_interrupted_update_goes_on_where_it_was(
             os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr(cli_uflbp._Record, "keep", keep)
-    assert command_line(*arguments)[0] == 130
+    status, _, err = command_line(*arguments)
+    assert status == 130
+    assert "repeat the update with --resume" in err
     assert kept == [1, 2]
     assert command_line(*arguments, "--resume")[0] == 0
     assert kept == [1, 2, 3, 4]

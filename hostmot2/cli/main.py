@@ -142,8 +142,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = hm2.main(arguments, prog_name="hm2", standalone_mode=False, obj=session)
     except click.ClickException as error:
         status = failure.show_usage(error, as_json=session.as_json)
-    except (click.Abort, KeyboardInterrupt):
-        click.echo("hm2: interrupted", err=True)
+    except (click.Abort, KeyboardInterrupt) as interrupt:
+        notes = getattr(interrupt.__cause__ or interrupt, "__notes__", [])
+        click.echo("\n  ".join(["hm2: interrupted", *notes]), err=True)
         status = 130
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has seen enough

@@ -18,6 +18,7 @@ from hostmot2.cli.progress import stages
 from hostmot2.cli.remote_place import place_options, remote_in_place
 from hostmot2.cli.serial_remote import port_options
 from hostmot2.cli.session import Session, reports
+from hostmot2.lbp.errors import UpdateFailed
 from hostmot2.lbp.firmware import Firmware, Plan, plan, read_firmware, update
 
 
@@ -73,7 +74,9 @@ def uflbp(
                 record.keep(count)
                 advance("blocks", count, total)
                 if interrupted():
-                    raise KeyboardInterrupt
+                    cut_short = KeyboardInterrupt()
+                    cut_short.add_note(UpdateFailed.fix)
+                    raise cut_short
 
             update(remote, firmware, todo, done=done, progress=after_block)
         record.forget()
@@ -133,7 +136,7 @@ class _Record:
 
 @contextmanager
 def _no_interrupt() -> Iterator[Any]:
-    """Ctrl-C, or a closing terminal, waits for the end of the block: nothing stops between erase and write."""
+    """Ctrl-C, or a closed terminal, waits for the end of the block: nothing stops between erase and write."""
     asked: list[int] = []
 
     def note(number: int, _frame: FrameType | None) -> None:

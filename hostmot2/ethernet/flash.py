@@ -25,6 +25,9 @@ _KEY: Final = Lbp16Key.FLASH
 _READ_BYTES: Final = 1024
 _ERASE_TIMEOUT: Final = 5.0
 _ATTEMPTS: Final = 4
+_CUT_SHORT: Final = (
+    "the user area may not be whole: write again before a reload or power-down, else the fallback boots"
+)
 
 Progress = Callable[[str, int, int], None]
 """Called with what is done (`erase`, `write`, `verify`, `read`), bytes done, bytes in all."""
@@ -116,6 +119,7 @@ class Flash:
         """Erase the user area as far as needed, write the image, verify. Returns the number of sectors.
 
         dry_run makes all checks and changes nothing. The FPGA goes on with its old image until a reload.
+        Cut short, also by Ctrl-C, it leaves an image that does not boot; a note on the exception says so.
         Raises BitfileError (not for this card), FlashError (boot block, or the verify failed),
         TransportTimeout.
         """
@@ -123,14 +127,18 @@ class Flash:
         sectors = list(range(0, len(image.data), SECTOR_SIZE))
         if dry_run:
             return len(sectors)
-        for offset in sectors:
-            self._erase(info.user_address + offset)
-            progress("erase", min(offset + SECTOR_SIZE, len(image.data)), len(image.data))
-        for offset, page in _pages(image.data):
-            if page.strip(b"\xff"):
-                self._write_page(info.user_address + offset, page)
-            progress("write", min(offset + PAGE_SIZE, len(image.data)), len(image.data))
-        self.verify(image, progress)
+        try:
+            for offset in sectors:
+                self._erase(info.user_address + offset)
+                progress("erase", min(offset + SECTOR_SIZE, len(image.data)), len(image.data))
+            for offset, page in _pages(image.data):
+                if page.strip(b"\xff"):
+                    self._write_page(info.user_address + offset, page)
+                progress("write", min(offset + PAGE_SIZE, len(image.data)), len(image.data))
+            self.verify(image, progress)
+        except BaseException as failure:  # Ctrl-C, too
+            failure.add_note(_CUT_SHORT)
+            raise
         return len(sectors)
 
     def _guard(self, address: int) -> None:
