@@ -43,6 +43,7 @@ DRIVE = ("-p", "emu:8i20")
         (("param", "get", "h", *DRIVE), "has no parameter 'h'"),
         (("param", "set", "KQP", *DRIVE), "NAME VALUE [H]"),
         (("param", "set", "KQP", "1", "X", *DRIVE), "NAME VALUE [H]"),
+        (("param", "set", "KQP", "10", "", *DRIVE), "NAME VALUE [H]"),
         (("param", "set", "KQP", "fast", *DRIVE), "KQP takes whole numbers, not 'fast'"),
         ((*CARD, "param", "backup", "0.1"), "which file?"),
         (("param", "save", "BUSV", *DRIVE), "BUSV is not kept in EEPROM"),
@@ -63,6 +64,17 @@ def test_it_is_told_what_is_wrong(command_line: CommandLine, arguments: tuple[st
     status, out, err = command_line(*arguments)
     assert (status, out) == (2, "")
     assert said in err
+
+
+@pytest.mark.parametrize(
+    ("variable", "value"), [("BAUDRATE", "99999999999"), ("BAUDRATE", "12000001"), ("BAUDRATEMUL", "1000")]
+)
+def test_a_rate_in_the_environment_is_bounded_as_the_option_is(
+    command_line: CommandLine, monkeypatch: pytest.MonkeyPatch, variable: str, value: str
+) -> None:
+    monkeypatch.setenv(variable, value)
+    status, _, err = command_line("rpd", "KQP", "-p", "/dev/ptmx")
+    assert (status, "no rate from 300 to 12000000" in err) == (2, True)
 
 
 def test_a_stored_parameter_is_saved_under_either_name(command_line: CommandLine) -> None:

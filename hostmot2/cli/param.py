@@ -147,7 +147,7 @@ def set_one(
       hm2 param set KQP 2000 --save -p emu:8i20
     """
     channel, rest = _where(arguments, channel, port)
-    if len(rest) not in (2, 3) or (len(rest) == 3 and rest[2].upper() not in HEX.choices[0].upper()):
+    if len(rest) not in (2, 3) or (len(rest) == 3 and rest[2].upper() != HEX.choices[0].upper()):
         raise click.UsageError("NAME VALUE [H]")
     with parameters_in_place(session, channel, port, baud) as (_, parameters):
         targets = [parameters.parameter(rest[0])]

@@ -15,6 +15,7 @@ from hostmot2.lbp import ExchangeStream, LbpRemote, WireLink, parameters
 from hostmot2.lbp.opening import SETUP_BAUD, open_remote
 
 PORT_VARIABLE = "COMPORT"
+RATES = (300, 12_000_000)
 HEX = click.Choice(["h"], case_sensitive=False)
 
 Command = Callable[..., Any]
@@ -30,7 +31,7 @@ def port_options(command: Command) -> Command:
     )
     baud = click.option(
         "--baud",
-        type=click.IntRange(300, 12_000_000),
+        type=click.IntRange(*RATES),
         help=f"Bits per second; else $BAUDRATE x $BAUDRATEMUL, else {SETUP_BAUD} (set-up jumper in place).",
     )
     return port(baud(command))
@@ -55,8 +56,10 @@ def line_rate(baud: int | None) -> int:
         raise click.UsageError(f"$INTERFACE is {os.environ['INTERFACE']}; ports are used as OSDEVICE only")
     if baud:
         return baud
-    rate, multiplier = (_variable("BAUDRATE", SETUP_BAUD), _variable("BAUDRATEMUL", 1))
-    return rate * multiplier
+    rate = _variable("BAUDRATE", SETUP_BAUD) * _variable("BAUDRATEMUL", 1)
+    if not RATES[0] <= rate <= RATES[1]:
+        raise click.UsageError(f"$BAUDRATE x $BAUDRATEMUL is {rate}, no rate from {RATES[0]} to {RATES[1]}")
+    return rate
 
 
 def _variable(name: str, default: int) -> int:
