@@ -21,6 +21,7 @@ from pathlib import Path
 import pytest
 from fake_sysfs import image
 
+QUICK = ("--board", "emu://5i25+7i77?clock=virtual")
 ROOT = Path(__file__).parent.parent
 HM2 = (sys.executable, "-c", "from hostmot2.cli import main; main()")
 _PR_CAPBSET_DROP, _CAP_DAC_OVERRIDE, _CAP_DAC_READ_SEARCH = 24, 1, 2
@@ -151,6 +152,38 @@ def test_a_pipe_that_is_closed_early_is_no_error() -> None:
         env=os.environ | {"PYTHONPATH": str(ROOT)},
     )
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("more", [("info",), ("--json", "info"), ("--help",)])
+def test_a_reader_that_is_gone_before_anything_is_said_is_no_error(more: tuple[str, ...]) -> None:
+    """Tables and documents go out through different packages, each with its own idea of a closed pipe."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as gone:
+        done = subprocess.run(
+            [*HM2, *QUICK, *more],
+            stdout=gone,
+            stderr=subprocess.PIPE,
+            check=False,
+            env=os.environ | {"PYTHONPATH": str(ROOT)},
+        )
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize("more", [(), ("--json",)])
+@pytest.mark.parametrize("place", ["&-", "/dev/full"])
+def test_an_output_that_takes_nothing_is_no_traceback(place: str, more: tuple[str, ...]) -> None:
+    line = " ".join(f"'{part}'" for part in (*HM2, *QUICK, *more, "info")) + f" >{place}"
+    done = subprocess.run(
+        ["bash", "-c", line],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+    assert "Traceback" not in done.stderr
+    assert done.returncode == (0 if place == "&-" else 5)
+    assert (os.strerror(errno.ENOSPC) in done.stderr) == (place == "/dev/full")
 
 
 def test_verbose_says_what_was_done_and_what_led_to_an_error() -> None:

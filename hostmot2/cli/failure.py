@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import sys
@@ -89,7 +90,7 @@ def message(error: BaseException) -> str:
 def show(error: BaseException, *, as_json: bool, verbose: bool = False) -> int:
     """Prints the error on stderr (with --json also as a document on stdout) and gives the exit code."""
     if as_json:
-        click.echo(json.dumps(document(error), indent=2))
+        _print(document(error))
     first, *rest = _lines(error)
     click.echo(bold_red("hm2: " + first), err=True)
     for line in rest:
@@ -98,6 +99,15 @@ def show(error: BaseException, *, as_json: bool, verbose: bool = False) -> int:
         for line in _history(error):
             click.echo(line, err=True)
     return exit_code(error)
+
+
+def _print(found: dict[str, Any]) -> None:
+    """The document on stdout; where that takes nothing (a full disk), the words on stderr must do."""
+    try:
+        click.echo(json.dumps(found, indent=2))
+    except OSError:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())  # what is buffered fails no second time
 
 
 def _lines(error: BaseException) -> list[str]:
@@ -131,7 +141,7 @@ def show_usage(error: click.ClickException, *, as_json: bool) -> int:
             "message": error.format_message(),
             "exit_code": error.exit_code,
         }
-        click.echo(json.dumps({"error": found}, indent=2))
+        _print({"error": found})
     error.show()
     if _CARD_MISPLACED.match(error.message):
         click.echo("Which card comes before the command: hm2 --board URL COMMAND", err=True)

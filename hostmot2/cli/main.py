@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import logging
 import os
+import select
 import sys
 import warnings
 from collections.abc import Sequence
@@ -137,6 +138,7 @@ def hm2(session: Session, url: str | None, as_json: bool, verbose: bool) -> None
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs one command and exits with its status."""
     warnings.showwarning = _warn
+    _fill_in_closed_streams()
     session = Session()
     try:
         status = hm2.main(arguments, prog_name="hm2", standalone_mode=False, obj=session)
@@ -149,11 +151,33 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has seen enough
         status = 0
+    except SystemExit as ended:  # so click passes on a broken pipe, and rich, which turns stdout away first
+        seen_enough = _nobody_reads(sys.stdout) or isinstance(ended.__context__, BrokenPipeError)
+        if not seen_enough or _nobody_reads(sys.stderr):
+            raise
+        status = 0
     except Exception as error:
         if os.environ.get(DEBUG_VARIABLE) or failure.exit_code(error) == 1:
             raise
         status = failure.show(error, as_json=session.as_json, verbose=session.verbose)
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _fill_in_closed_streams() -> None:
+    """A stream that is closed (`>&-`) is None in Python; here it takes everything, as /dev/null does."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+
+
+def _nobody_reads(stream: Any) -> bool:
+    """Whether it is a pipe without a reader: what broke off there may have been work, not its report."""
+    try:
+        watch = select.poll()
+        watch.register(stream.fileno(), 0)
+        return any(events & select.POLLERR for _, events in watch.poll(0))
+    except (OSError, ValueError):
+        return False
 
 
 def _warn(message: Warning | str, category: type[Warning], *_place: Any, **_more: Any) -> None:
