@@ -25,9 +25,10 @@ from hostmot2.cli.identify import _connector
 from hostmot2.cli.live import _audience
 from hostmot2.cli.run import start_remotes
 from hostmot2.emulator import EmulatedBoard
-from hostmot2.errors import CardNotFound
+from hostmot2.errors import CardNotFound, LinkFailed
 from hostmot2.lbp.errors import UpdateFailed
 from hostmot2.lbp.firmware import Plan, read_firmware
+from hostmot2.remotes.parameters import Parameter
 
 cli = importlib.import_module("hostmot2.cli.main")  # hostmot2.cli.main is its function
 CommandLine = Callable[..., tuple[int, str, str]]
@@ -95,6 +96,36 @@ def test_ctrl_c_ends_with_130_and_one_line(
 
     monkeypatch.setattr(cli.hm2, "main", interrupt)
     assert command_line("info") == (130, "", "hm2: interrupted\n")
+
+
+def test_a_card_lost_behind_the_report_leaves_one_document(
+    command_line: CommandLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    close = hostmot2.Board.close
+
+    def lost(board: hostmot2.Board) -> None:
+        was = board.closed
+        close(board)
+        if not was:
+            raise LinkFailed("the cable is out")
+
+    monkeypatch.setattr(hostmot2.Board, "close", lost)
+    status, out, _ = command_line("--json", *CARD, "info")
+    assert (status, json.loads(out)["error"]["type"]) == (5, "LinkFailed")
+
+
+def test_a_number_that_json_does_not_have_is_null(
+    command_line: CommandLine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A FLOAT in an erased EEPROM, all bits set, is no number."""
+
+    def constant(text: str) -> None:
+        raise AssertionError(f"{text} is no JSON")
+
+    monkeypatch.setattr(Parameter, "read", lambda _self: float("nan"))
+    status, out, _ = command_line("--json", *CARD, "param", "backup", "--all", "0.0", "/dev/null")
+    assert status == 0
+    assert None in json.loads(out, parse_constant=constant)["values"].values()
 
 
 def test_a_warning_is_a_line_on_stderr(command_line: CommandLine, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -142,6 +142,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     session = Session()
     try:
         status = hm2.main(arguments, prog_name="hm2", standalone_mode=False, obj=session)
+        if session.document is not None:
+            click.echo(session.document)
     except click.ClickException as error:
         status = failure.show_usage(error, as_json=session.as_json)
     except (click.Abort, KeyboardInterrupt) as interrupt:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import sys
@@ -32,6 +33,8 @@ class Session:
     url: str | None = None
     as_json: bool = False
     verbose: bool = False
+    document: str | None = None
+    """What was reported with --json."""
 
     @contextmanager
     def board(self, *, read_only: bool = False) -> Iterator[Board]:
@@ -56,9 +59,13 @@ class Session:
         return url
 
     def report(self, document: Any, *shown: Table | str) -> None:
-        """One JSON document with --json, else tables and lines."""
+        """One JSON document with --json, else tables and lines.
+
+        The document is printed when the command is through: a card may still be lost while it is closed, and
+        the error is the document then.
+        """
         if self.as_json:
-            click.echo(json.dumps(document, indent=2, default=str))
+            self.document = json.dumps(_numbers(document), indent=2, default=str, allow_nan=False)
             return
         console = _console()
         for item in shown:
@@ -66,6 +73,17 @@ class Session:
                 console.print(item)
             else:
                 click.echo(item)
+
+
+def _numbers(document: Any) -> Any:
+    """The document with null for NaN and infinities, which JSON does not have."""
+    if isinstance(document, float):
+        return document if math.isfinite(document) else None
+    if isinstance(document, dict):
+        return {key: _numbers(value) for key, value in document.items()}
+    if isinstance(document, list | tuple):
+        return [_numbers(value) for value in document]
+    return document
 
 
 def text_width() -> int:
