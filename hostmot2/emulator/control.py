@@ -13,6 +13,7 @@ or 1: the directions it acts on), `fault.seed`.
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import socket
@@ -242,10 +243,16 @@ def ask(path: str | Path, *words: str, timeout: float = 5.0) -> str:
         except OSError as error:
             raise _with_path(error, path) from None
         stream: Any = client.makefile("rw", encoding="utf-8")
-        with stream:
-            stream.write(" ".join(words) + "\n")
-            stream.flush()
-            reply = str(stream.readline()).strip()
+        try:
+            with stream:
+                stream.write(" ".join(words) + "\n")
+                stream.flush()
+                line = str(stream.readline())
+        except (BrokenPipeError, ConnectionResetError):
+            line = ""
+    if not line.endswith("\n"):
+        raise ConnectionResetError(errno.ECONNRESET, "the emulator ended before it answered", os.fspath(path))
+    reply = line.strip()
     if reply.startswith("error: "):
         raise ValueError(reply.removeprefix("error: "))
     return reply

@@ -21,8 +21,11 @@ def plot(recording: Recording, path: str | Path, names: Sequence[str] = ()) -> N
     """One axes per unit, below them how long cycles took. names: what to draw, all signals unless given.
 
     The suffix of `path` says the kind of picture. Raises KeyError for a name that is not there, ValueError
-    for a recording without a record, ImportError with advice if matplotlib is missing.
+    for a recording without a record or a path without a suffix, ImportError with advice if matplotlib is
+    missing.
     """
+    if Path(path).suffix in ("", "."):  # matplotlib would write another file
+        raise ValueError(f"{path}: the name must say what kind of picture: .png, .svg or .pdf")
     if not len(recording.records):
         raise ValueError(f"{recording.path} has no records")
     try:

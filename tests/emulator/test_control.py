@@ -181,3 +181,41 @@ def test_a_client_that_is_gone_before_its_answer_ends_alone(controls, tmp_path):
         ours.close()
         server._serve(theirs)
         assert ask(tmp_path / "control", "get", "requests") == "0"
+
+
+@pytest.mark.parametrize("said", [b"", b"requests"])
+def test_an_emulator_that_ends_before_its_answer_is_an_error(tmp_path, said):
+    """Not an empty answer, nor half of one: nobody knows whether the key was set."""
+    path = tmp_path / "control"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as ending:
+        ending.bind(str(path))
+        ending.listen()
+
+        def serve():
+            client, _ = ending.accept()
+            with client:
+                client.recv(4096)
+                client.sendall(said)
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        with pytest.raises(ConnectionResetError) as caught:
+            ask(path, "set", "output", "1")
+        thread.join()
+    assert caught.value.filename == str(path)
+
+
+def test_an_emulator_that_hangs_up_at_once_is_no_reader_that_has_seen_enough(tmp_path, monkeypatch):
+    path = tmp_path / "control"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as ending:
+        ending.bind(str(path))
+        ending.listen()
+        connect = socket.socket.connect
+
+        def connect_and_lose(client, address):
+            connect(client, address)
+            ending.accept()[0].close()
+
+        monkeypatch.setattr(socket.socket, "connect", connect_and_lose)
+        with pytest.raises(ConnectionResetError):
+            ask(path, "set", "output", "1")

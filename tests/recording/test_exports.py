@@ -71,6 +71,15 @@ def test_what_is_not_there_cannot_be_drawn(path, tmp_path):
         plot(read(empty), tmp_path / "run.png")
 
 
+def test_a_picture_without_a_suffix_is_refused(path, tmp_path):
+    """It was written to another file than the one named."""
+    pytest.importorskip("matplotlib")
+    for name in ("run", "run."):
+        with pytest.raises(ValueError, match=r"\.png, \.svg or \.pdf"):
+            plot(read(path), tmp_path / name)
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
 def test_playing_sets_what_changes_at_its_time(path):
     now, calls = [0.0], []
 
