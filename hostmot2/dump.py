@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 from hostmot2 import errors
 from hostmot2._core import lib
 from hostmot2.address_map import registers_of
+from hostmot2.whole_file import whole_file
 
 if TYPE_CHECKING:
     from hostmot2.board import Board
@@ -129,8 +130,9 @@ def from_text(text: str) -> Dump:
 
 
 def save(dump: Dump, path: str | Path) -> None:
-    """Write the dump to a file."""
-    Path(path).write_text(to_text(dump), encoding="utf-8")
+    """Write the dump to a file, whole or not at all."""
+    with whole_file(path) as place:
+        place.write_text(to_text(dump), encoding="utf-8")
 
 
 def load(path: str | Path) -> Dump:

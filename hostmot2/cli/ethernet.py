@@ -21,6 +21,7 @@ from hostmot2.ethernet.service import JUMPERS
 from hostmot2.lbp16 import PORT
 from hostmot2.pci_cards import find_cards
 from hostmot2.transports.udp import UdpLink
+from hostmot2.whole_file import whole_file
 
 
 @contextmanager
@@ -202,7 +203,8 @@ def backup(session: Session, output: Path) -> None:
     """
     with _link(session) as link, stages() as advance:
         data = Flash(link).backup(advance)
-    output.write_bytes(data)
+    with whole_file(output) as place:
+        place.write_bytes(data)
     digest = hashlib.sha256(data).hexdigest()
     output.with_name(output.name + ".sha256").write_text(f"{digest} *./{output.name}\n")
     session.report({"file": output, "bytes": len(data), "sha256": digest}, f"{len(data)} bytes to {output}")

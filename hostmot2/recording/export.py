@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from hostmot2.recording.recording import Recording
+from hostmot2.whole_file import whole_file
 
 ROWS_AT_ONCE = 4096
 
@@ -27,7 +28,7 @@ def to_csv(recording: Recording, path: str | Path, names: Sequence[str] = ()) ->
     """
     chosen = columns_of(recording, names)
     units = recording.units
-    with Path(path).open("w", newline="", encoding="utf-8") as stream:
+    with whole_file(path) as place, place.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
         writer.writerow(["time_ns", *(f"{n} [{units[n]}]" if n in units else n for n in chosen)])
         arrays = [recording.time_ns, *(recording[name] for name in chosen)]
@@ -49,7 +50,8 @@ def to_parquet(recording: Recording, path: str | Path, names: Sequence[str] = ()
         arrays.append(arrow.array(recording[name].copy()))
         unit = {"unit": recording.units[name]} if name in recording.units else None
         fields.append(arrow.field(name, arrays[-1].type, metadata=unit))
-    parquet.write_table(arrow.Table.from_arrays(arrays, schema=arrow.schema(fields)), path)
+    with whole_file(path) as place:
+        parquet.write_table(arrow.Table.from_arrays(arrays, schema=arrow.schema(fields)), place)
 
 
 def _arrow() -> tuple[Any, Any]:

@@ -12,6 +12,7 @@ import tomlkit
 from hostmot2.remotes.discovery import RemoteDescription
 from hostmot2.remotes.errors import WrongBackup
 from hostmot2.remotes.parameters import Number, Parameter, Parameters
+from hostmot2.whole_file import whole_file
 
 UNIT_NUMBERS = ("nvunitnumber", "unitnumber")
 """Parameters by which a remote is known; never put into another one."""
@@ -62,7 +63,7 @@ def take(
 
 
 def write(backup: Backup, path: Path, parameters: Parameters) -> None:
-    """The file, with units as comments."""
+    """The file, with units as comments; whole or not at all."""
     document = tomlkit.document()
     document.add(tomlkit.comment("Parameters of a remote; hm2 param restore puts them back."))
     remote = tomlkit.table()
@@ -77,7 +78,8 @@ def write(backup: Backup, path: Path, parameters: Parameters) -> None:
             if meaning := _meaning(parameters.parameter(name), value):
                 table[name].comment(meaning)
         document[section] = table
-    path.write_text(tomlkit.dumps(document))
+    with whole_file(path) as place:
+        place.write_text(tomlkit.dumps(document))
 
 
 def _meaning(parameter: Parameter, value: Number) -> str:
