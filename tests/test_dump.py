@@ -232,3 +232,13 @@ def test_modules_behind_the_pins_are_in_the_dump_too() -> None:
         taken = dump.take(board)
         again = taken.idrom_words()
     assert again[:256] == swapped
+
+
+@pytest.mark.parametrize("name", ["\nESA5I25", "MES\x85", "A\x1b[2J"])
+def test_a_board_name_that_is_no_text_leaves_a_dump_that_can_be_read(name: str) -> None:
+    """An IDROM like that is what dumps are sent to somebody for."""
+    text = dump.to_text(dump.Dump({0x100: 0x55AACAFE}, facts={"board": name, "source": "emu://x"}))
+    found = dump.from_text(text)
+    assert found.words == {0x100: 0x55AACAFE}
+    assert found.facts["source"] == "emu://x"
+    assert found.facts["board"].isprintable()

@@ -101,6 +101,25 @@ def test_reload(name, fallback):
         link.close()
 
 
+@pytest.mark.parametrize("kind", ["reset", "reload"])
+def test_a_lost_restart_is_sent_again(server, link, monkeypatch, kind):
+    """No card acknowledges it, and one that never heard of it answers at once, as if it were back."""
+    link.exchange(lbp16.write(Lbp16Space.TIMER, 0x18, [9]))
+    link.exchange(lbp16.write(Lbp16Space.HOSTMOT2, 0x40, [7]))
+    send, lost = link.send, []
+    monkeypatch.setattr(link, "send", lambda sent: send(sent) if lost else lost.append(sent))
+    getattr(EthernetService(link), kind)()
+    assert server.card.peek(4, 0x18) == 0
+    stays = 7 if kind == "reset" else 0
+    assert link.exchange(lbp16.read(Lbp16Space.HOSTMOT2, 0x40)) == bytes([stays, 0, 0, 0])
+
+
+def test_a_card_that_does_not_restart_is_told(server, link, monkeypatch):
+    monkeypatch.setattr(link, "send", lambda _sent: None)
+    with pytest.raises(errors.TransportError, match="did not restart"):
+        EthernetService(link).reload(timeout=0.1)
+
+
 def test_a_card_that_stays_away_is_told(server, link):
     server.card.flash_write(USER, b"\xff" * 64)
     server.card.flash_write(0x10000, b"\xff" * 64)

@@ -18,6 +18,8 @@ EEPROM_KEY: Final = Lbp16Key.EEPROM
 
 JUMPERS: Final = ("fixed 192.168.1.121", "address in EEPROM", "BOOTP", "invalid")
 RELOAD_FIRMWARE: Final = 15
+_MARK_ADDRESS, _MARK = Lbp16Timer.scratch.number + 14, 0x5A5A
+"""The last scratch word: no driver uses it, and it is 0 after a restart."""
 RESTART_TIMEOUT: Final = 10.0
 """Seconds a card gets to come back: FPGA configuration and a new Ethernet link."""
 
@@ -132,8 +134,7 @@ class EthernetService:
         Jumpers and EEPROM are read again, so the card may come back under another address: then this
         raises TransportTimeout.
         """
-        self._forget(lbp16.write(Lbp16Space.CONTROL, Lbp16Control.reset.number, [1]))
-        self._wait(timeout)
+        self._restart(lbp16.write(Lbp16Space.CONTROL, Lbp16Control.reset.number, [1]), timeout)
 
     def reload(self, *, fallback: bool = False, timeout: float = RESTART_TIMEOUT) -> None:
         """Configure the FPGA anew from its flash (power-up state: all outputs off) and wait for the card.
@@ -155,18 +156,26 @@ class EthernetService:
             if is_efinix(facts.part)
             else flash_layout.xilinx_reload_words(flash_layout.FALLBACK_ADDRESS if fallback else 0)
         )
-        self._forget(
+        self._restart(
             b"".join(
                 lbp16.write(Lbp16Space.CONTROL, Lbp16Control.icap.number, [word], increment=False)
                 for word in words
-            )
+            ),
+            timeout,
         )
-        self._wait(timeout)
 
-    def _forget(self, commands: bytes) -> None:
-        """Send what makes the card restart, which no card acknowledges."""
-        self.link.send(commands)
-        self.link.clear()
+    def _restart(self, commands: bytes, timeout: float) -> None:
+        """Send what makes the card restart. No card acknowledges that; a scratch word shows whether it did."""
+        self.link.exchange(lbp16.write(Lbp16Space.TIMER, _MARK_ADDRESS, [_MARK]))
+        deadline = time.monotonic() + timeout
+        while True:
+            self.link.send(commands)
+            self.link.clear()
+            self._wait(timeout)
+            if self.link.read_words(Lbp16Space.TIMER, _MARK_ADDRESS, 1) != [_MARK]:
+                return
+            if time.monotonic() >= deadline:
+                raise TransportError(f"udp://{self.link.host}: the card did not restart within {timeout:g} s")
 
     def _wait(self, timeout: float) -> None:
         # what was sent takes effect at once, so the first answer is that of the restarted card
