@@ -183,6 +183,22 @@ def test_an_address_that_reads_back_differently_is_an_error(
         EthernetService(link).set_ip("10.0.0.9")
 
 
+@pytest.mark.parametrize("silent_reads", [False, True])
+def test_an_address_whose_acknowledge_is_lost_is_looked_at(
+    server: EthernetServer, link: UdpLink, monkeypatch: pytest.MonkeyPatch, silent_reads: bool
+) -> None:
+    """Taken for "not written" it surprises at the next power-up: the card is elsewhere."""
+    eeprom = lbp16.read(Lbp16Space.EEPROM, 0, 24)
+    answering(link, monkeypatch, lambda sent: None if sent == eeprom and not silent_reads else b"")
+    if silent_reads:
+        with pytest.raises(errors.TransportTimeout) as caught:
+            EthernetService(link).set_ip("10.0.0.9")
+        assert "10.0.0.9 may be stored" in caught.value.report()
+    else:
+        EthernetService(link).set_ip("10.0.0.9")
+    assert server.card.peek(2, 0x20) == 0x0009
+
+
 def test_an_unknown_card_is_not_reloaded() -> None:
     with EthernetServer(EthernetCard(EthernetDescription("7I9999"))) as server:
         link = UdpLink(server.host, server.port)

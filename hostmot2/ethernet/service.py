@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 import struct
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -104,11 +105,14 @@ class EthernetService:
             raise ValueError(f"{ip} cannot be a card's address")
         a, b, c, d = address.packed
         key = lbp16.write(Lbp16Space.CONTROL, Lbp16Control.write_key.number, [EEPROM_KEY])
-        self.link.exchange(
-            key + lbp16.write(Lbp16Space.EEPROM, Lbp16Eeprom.ip_low.number, [c << 8 | d, a << 8 | b]),
-            timeout=1.0,
-        )
-        stored = _address(self.link.exchange(lbp16.read(Lbp16Space.EEPROM, 0, 24)))
+        write = lbp16.write(Lbp16Space.EEPROM, Lbp16Eeprom.ip_low.number, [c << 8 | d, a << 8 | b])
+        with suppress(TransportTimeout):  # only the acknowledge may be lost: what it holds now decides
+            self.link.exchange(key + write, timeout=1.0)
+        try:
+            stored = _address(self.link.exchange(lbp16.read(Lbp16Space.EEPROM, 0, 24)))
+        except TransportError as silence:
+            silence.add_note(f"{address} may be stored: look at it (`hm2 ip`) before the next power-up")
+            raise
         if stored != str(address):
             raise TransportError(f"the EEPROM holds {stored} after {address} was written")
 
@@ -165,7 +169,7 @@ class EthernetService:
         )
 
     def _restart(self, commands: bytes, timeout: float) -> None:
-        """Send what makes the card restart. No card acknowledges that; a scratch word shows whether it did."""
+        """Send what makes the card restart. No card acknowledges that; a scratch word shows if it did."""
         self.link.exchange(lbp16.write(Lbp16Space.TIMER, _MARK_ADDRESS, [_MARK]))
         deadline = time.monotonic() + timeout
         while True:
