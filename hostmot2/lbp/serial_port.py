@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import termios
 import time
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from hostmot2.errors import PermissionDenied
 from hostmot2.lbp.errors import AdapterBusy, AdapterMissing, LineSilent
 
 LATENCY_MS = 1
+_GONE = (serial.SerialException, OSError, termios.error)
 USB_SERIAL = Path("/sys/bus/usb-serial/devices")
 
 
@@ -26,7 +28,7 @@ class SerialStream:
         self.baud = baud
         try:
             self._port = serial.Serial(path, baud, exclusive=True, timeout=0)
-        except serial.SerialException as failure:
+        except (serial.SerialException, termios.error) as failure:
             raise _opening(path, failure) from failure
         _low_latency(path)
 
@@ -35,7 +37,7 @@ class SerialStream:
         try:
             self._port.write(data)
             self._port.flush()
-        except (serial.SerialException, OSError) as failure:
+        except _GONE as failure:
             raise LineSilent(f"{self.url}: {failure}") from failure
 
     def receive(self, count: int, timeout_s: float) -> bytes:
@@ -43,7 +45,7 @@ class SerialStream:
         try:
             self._port.timeout = timeout_s
             return bytes(self._port.read(count))
-        except (serial.SerialException, OSError) as failure:
+        except _GONE as failure:
             raise LineSilent(f"{self.url}: {failure}") from failure
 
     def flush(self) -> int:
@@ -51,7 +53,7 @@ class SerialStream:
         try:
             waiting = self._port.in_waiting
             self._port.reset_input_buffer()
-        except (serial.SerialException, OSError) as failure:
+        except _GONE as failure:
             raise LineSilent(f"{self.url}: {failure}") from failure
         return int(waiting)
 
@@ -67,7 +69,7 @@ class SerialStream:
         return self.url
 
 
-def _opening(path: str, failure: serial.SerialException) -> Exception:
+def _opening(path: str, failure: Exception) -> Exception:
     number = getattr(failure, "errno", None)
     if number in (errno.EACCES, errno.EPERM):
         return PermissionDenied(f"{path}: {failure}", os_errno=number)

@@ -53,6 +53,30 @@ def test_a_port_that_goes_away_is_a_silent_line(use: Callable[[SerialStream], ob
 
 
 @pytest.mark.parametrize(
+    ("first", "use"),
+    [("write", lambda stream: stream.send(b"\xdf\x16")), ("in_waiting", lambda stream: stream.flush())],
+    ids=["send", "flush"],
+)
+def test_a_port_that_goes_away_within_a_step_is_a_silent_line(
+    monkeypatch: pytest.MonkeyPatch, first: str, use: Callable[[SerialStream], object]
+) -> None:
+    """What termios says then is no OSError."""
+    ours, theirs = os.openpty()
+    path = os.ttyname(theirs)
+    stream = SerialStream(path)
+    os.close(theirs)
+
+    def pulled(*_: object) -> int:
+        os.close(ours)
+        return 2
+
+    monkeypatch.setattr(serial.Serial, first, pulled if first == "write" else property(pulled))
+    with pytest.raises(LineSilent, match=path):
+        use(stream)
+    stream.close()
+
+
+@pytest.mark.parametrize(
     ("number", "kind", "said"),
     [
         (errno.EACCES, PermissionDenied, "not today"),
