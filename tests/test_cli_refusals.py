@@ -114,6 +114,28 @@ def test_a_card_lost_behind_the_report_leaves_one_document(
     assert (status, json.loads(out)["error"]["type"]) == (5, "LinkFailed")
 
 
+@pytest.mark.parametrize("end", [LinkFailed("the cable is out"), KeyboardInterrupt()])
+def test_a_restore_that_is_cut_short_says_what_it_has_written(
+    command_line: CommandLine, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, end: BaseException
+) -> None:
+    file = tmp_path / "drive.toml"
+    assert command_line("param", "backup", file, *DRIVE)[0] == 0
+    file.write_text(file.read_text().replace("NVKQP = 50", "NVKQP = 51").replace("NVKDP = 50", "NVKDP = 51"))
+    write, names = Parameter.write, []
+
+    def lost(parameter: Parameter, value: float) -> bool:
+        names.append(parameter.name)
+        if len(names) == 2:
+            raise end
+        return write(parameter, value)
+
+    monkeypatch.setattr(Parameter, "write", lost)
+    status, out, err = command_line("param", "restore", file, *DRIVE)
+    assert (status, out) == (130 if isinstance(end, KeyboardInterrupt) else 5, "")
+    assert names == ["NVKQP", "NVKDP"]
+    assert "written before this: NVKQP = 51" in " ".join(err.split())
+
+
 def test_a_number_that_json_does_not_have_is_null(
     command_line: CommandLine, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -156,7 +156,7 @@ def set_one(
         value = targets[0].parse(rest[1], hexadecimal=len(rest) == 3)
         for target in targets:
             target.encode(value)
-        changes = [_change(target, value, dry_run) for target in targets]
+        changes = _changes([(target, value) for target in targets], dry_run)
     session.report(changes[0] if len(changes) == 1 else changes, *[change["said"] for change in changes])
 
 
@@ -173,6 +173,19 @@ def _stored(parameters: Parameters, parameter: Parameter) -> Parameter:
     if alias in parameters:
         return parameters.parameter(alias)
     raise click.UsageError(f"{parameter.name} is not kept in EEPROM")
+
+
+def _changes(wanted: Iterable[tuple[Parameter, Number]], dry_run: bool) -> list[dict[str, Any]]:
+    """One after the other. An error, or Ctrl-C, in the middle says what was written before."""
+    changes: list[dict[str, Any]] = []
+    try:
+        for parameter, value in wanted:
+            changes.append(_change(parameter, value, dry_run))
+    except BaseException as failure:
+        if written := [change["said"] for change in changes if change["written"]]:
+            failure.add_note(f"written before this: {'; '.join(written)}")
+        raise
+    return changes
 
 
 def _change(parameter: Parameter, value: Number, dry_run: bool) -> dict[str, Any]:
@@ -220,7 +233,7 @@ def save(
             except click.UsageError:
                 if names:
                     raise
-        changes = [_change(stored, working.read(), dry_run) for working, stored in pairs]
+        changes = _changes(((stored, working.read()) for working, stored in pairs), dry_run)
     said = [change["said"] for change in changes if names or "already" not in change["said"]]
     session.report(changes, *(said or ["everything is stored already"]))
 
@@ -289,11 +302,12 @@ def restore(
     with parameters_in_place(session, channel, port, baud) as (found, parameters):
         backups.check(wanted, found, parameters, other_unit=other_unit)
         planned = backups.planned(wanted, found, parameters)
-        changes = [
-            _change(parameters.parameter(difference.name), difference.after, dry_run)
+        wanted_values = (
+            (parameters.parameter(difference.name), difference.after)
             for difference in planned
             if difference.after is not None
-        ]
+        )
+        changes = _changes(wanted_values, dry_run)
     session.report(changes, *([change["said"] for change in changes] or ["nothing differs"]))
 
 
