@@ -113,6 +113,36 @@ def test_names_and_addresses_that_cannot_be_are_refused(name: str, mac: str, add
         net_files(name, mac, address)
 
 
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("udev", "--group", 'x", MODE="0666'),
+        ("udev", "--group", "a\nb"),
+        ("udev", "--group", ""),
+        ("rt", "--group", "two words"),
+        ("rt", "--user", "me\nExecStartPre=/bin/true"),
+        ("rt", "--user", "-x"),
+        ("rt", "--cpu", "3\nUser=root"),
+        ("rt", "--cpu", "all"),
+        ("rt", "--directory", "opt/hostmot2"),
+        ("rt", "--directory", "/opt/my programs"),
+    ],
+)
+def test_what_would_break_a_file_of_the_system_is_refused(
+    hm2, tmp_path: Path, options: tuple[str, ...]
+) -> None:
+    """As `net` refuses it: the rule or unit would be another one, or none."""
+    status, out, err = hm2(*options, "--write", "--root", tmp_path)
+    assert (status, out) == (2, "")
+    assert options[2].split("\n")[0] in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("cpu", ["3", "2-3", "0,2-3", "1 3"])
+def test_processors_are_lists_as_systemd_takes_them(cpu: str) -> None:
+    assert any(f"CPUAffinity={cpu}\n" in file.body for file in realtime_files("hostmot2", cpu=cpu)[0])
+
+
 @pytest.mark.parametrize("part", PARTS)
 def test_installing_twice_changes_nothing(part: str, tmp_path: Path) -> None:
     places = install(made(part), root=tmp_path)

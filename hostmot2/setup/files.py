@@ -32,6 +32,13 @@ class MachineFile:
         return _HEADER.format(part=self.part, digest=_digest(self.body)) + "\n" + self.body
 
 
+def checked_name(text: str, what: str) -> str:
+    """The name of a user or group, as it may stand in a file of the system. Raises ValueError."""
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_.-]{0,31}", text):
+        raise ValueError(f"{text!r} is no {what}'s name")
+    return text
+
+
 def _digest(body: str) -> str:
     return hashlib.sha256(body.encode()).hexdigest()[:16]
 

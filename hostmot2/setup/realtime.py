@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
-from hostmot2.setup.files import MachineFile
+from hostmot2.setup.files import MachineFile, checked_name
 
 LIMITS = Path("/etc/security/limits.d/70-hostmot2.conf")
 UNIT = Path("/etc/systemd/system/hostmot2@.service")
@@ -59,8 +60,15 @@ def realtime_files(
 ) -> tuple[list[MachineFile], list[str]]:
     """limits.d and the unit template, and what to do as root once they are installed.
 
-    cpu: processors the program may use, as systemd writes them ("3" or "2-3"); "" for all.
+    cpu: processors the program may use, as systemd writes them ("3" or "2-3"); "" for all. Raises ValueError
+    for a name, list or directory that cannot be.
     """
+    checked_name(group, "group")
+    checked_name(user, "user")
+    if cpu and not re.fullmatch(r"\d+(-\d+)?([, ]\d+(-\d+)?)*", cpu, re.ASCII):
+        raise ValueError(f"{cpu!r} is no list of processors such as 3 or 2-3")
+    if not re.fullmatch(r"/[^\s%\"'\\$]*", directory):
+        raise ValueError(f"{directory!r} is no directory that a unit can name: from / on, without spaces")
     affinity = "# all processors; CPUAffinity=3 would keep it on an isolated one"
     if cpu:
         affinity = f"# the isolated processor; the NIC's interrupt belongs there, too\nCPUAffinity={cpu}"

@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from hostmot2.pci_cards import udev_rules
-from hostmot2.setup.files import MachineFile
+from hostmot2.setup.files import MachineFile, checked_name
 
 RULES = Path("/etc/udev/rules.d/70-hostmot2.rules")
 
 
 def udev_files(group: str) -> tuple[list[MachineFile], list[str]]:
-    """The rule, and what to do as root once it is installed."""
+    """The rule, and what to do as root once it is installed. Raises ValueError for a name that cannot be."""
+    checked_name(group, "group")
     body = (
         udev_rules(group)
         + "# power saving: a program that holds this file open with 0 keeps processors from deep sleep\n"
