@@ -18,6 +18,8 @@ _SYNC_WITHIN: Final = 64
 _EFINIX_LABELS: Final = ("Version", "Date", "Project", "Family", "Device", "Width", "Mode", "Padded Bits")
 _EFINIX_LINE: Final = 256
 _EFINIX_LINES: Final = 20
+LARGEST_FILE: Final = 1 << 23
+"""More than any card's flash."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,11 @@ class Bitfile:
 
 def read_bitfile(path: str | Path) -> Bitfile:
     """Read and check a file. Raises BitfileError, OSError."""
-    return parse_bitfile(Path(path).read_bytes())
+    with Path(path).open("rb") as file:
+        content = file.read(LARGEST_FILE + 1)
+    if len(content) > LARGEST_FILE:
+        raise BitfileError(f"{path}: a file for the largest flash has at most {LARGEST_FILE} bytes")
+    return parse_bitfile(content)
 
 
 def parse_bitfile(content: bytes) -> Bitfile:

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from hostmot2.board import Board
 
 FIRST_LINE = "# hm2dump 1"
+MOST_BYTES = 1 << 23
+"""Of a file; a dump of every word there can be has less than a quarter."""
 _LINE = re.compile(r"([0-9A-Fa-f]{4})\s+([0-9A-Fa-f]{8}|-{8})(?:\s+(.*))?")
 _FACT = re.compile(r"#\s*(\w+):\s*(.*)")
 
@@ -143,7 +145,11 @@ def save(dump: Dump, path: str | Path) -> None:
 def load(path: str | Path) -> Dump:
     """Read a dump from a file. Raises CardNotFound, PermissionDenied or BrokenDump, naming the file."""
     try:
-        return from_text(Path(path).read_text(encoding="utf-8"))
+        with Path(path).open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise errors.BrokenDump(f"a dump has at most {MOST_BYTES} bytes")
+        return from_text(content.decode("utf-8"))
     except FileNotFoundError as error:
         raise errors.CardNotFound(f"{path}: there is no such file") from error
     except PermissionError as error:

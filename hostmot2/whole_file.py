@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,7 +17,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     A device or pipe is written to directly, and so is a file in a directory that takes no new one.
     """
     place = Path(os.path.realpath(path))
-    beside = place.with_name(f".{place.name}.{os.getpid()}.part")
+    beside = place.with_name(f".{place.name}.{secrets.token_hex(8)}.part")
     if not _create(beside, place):
         yield Path(path)
         return

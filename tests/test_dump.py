@@ -216,7 +216,7 @@ def test_a_dump_that_may_not_be_read_says_so(tmp_path: Path, monkeypatch: pytest
     def refuse(*_arguments: object, **_options: object) -> str:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "read_text", refuse)
+    monkeypatch.setattr(Path, "open", refuse)
     with pytest.raises(errors.PermissionDenied, match=r"card\.hm2dump: this user may not read it"):
         dump.load(tmp_path / "card.hm2dump")
 

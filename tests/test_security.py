@@ -9,18 +9,20 @@ import json
 import stat
 import tomllib
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from hostmot2 import live
+from hostmot2 import dump, live
+from hostmot2.bitfile import read_bitfile
 from hostmot2.cli.live import live as live_command
 from hostmot2.emulator import EmulatedBoard, catalog
 from hostmot2.emulator.control import Controls, ControlServer
 from hostmot2.emulator.ethernet import EthernetServer
 from hostmot2.emulator.remote_state import MOST_BYTES, RemoteState
 from hostmot2.errors import HostMot2Error
+from hostmot2.lbp.firmware import read_firmware
 from hostmot2.remotes import backup
 
 ROOT = Path(__file__).parent.parent
@@ -134,6 +136,20 @@ def test_a_backup_that_cannot_be_is_refused(tmp_path: Path, text: str) -> None:
     path.write_text(text)
     with pytest.raises(HostMot2Error):
         backup.read(path)
+
+
+@pytest.mark.parametrize("reader", [read_bitfile, read_firmware, dump.load])
+def test_a_file_that_cannot_be_is_not_read_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, reader: Callable[[Path], object]
+) -> None:
+    """A wrong file, of a disk's size, or /dev/zero: an error, where memory ran out."""
+    path = tmp_path / "7I77.BIN"
+    with path.open("wb") as file:
+        file.truncate(1 << 26)
+    monkeypatch.setattr(Path, "read_bytes", lambda _self: pytest.fail("read without a limit"))
+    monkeypatch.setattr(Path, "read_text", lambda _self, **_: pytest.fail("read without a limit"))
+    with pytest.raises(HostMot2Error, match="at most"):
+        reader(path)
 
 
 def test_a_link_beside_a_file_that_is_replaced_is_not_followed(tmp_path: Path) -> None:

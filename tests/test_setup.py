@@ -143,6 +143,16 @@ def test_processors_are_lists_as_systemd_takes_them(cpu: str) -> None:
     assert any(f"CPUAffinity={cpu}\n" in file.body for file in realtime_files("hostmot2", cpu=cpu)[0])
 
 
+def test_a_link_beside_what_is_installed_is_not_followed(tmp_path: Path) -> None:
+    victim, (file,) = tmp_path / "victim", made("udev")
+    victim.write_text("precious")
+    place = tmp_path / str(file.path).lstrip("/")
+    place.parent.mkdir(parents=True)
+    place.with_name(f".{place.name}.new").symlink_to(victim)
+    assert install([file], root=tmp_path) == [place]
+    assert (victim.read_text(), place.read_text()) == ("precious", file.content)
+
+
 @pytest.mark.parametrize("part", PARTS)
 def test_installing_twice_changes_nothing(part: str, tmp_path: Path) -> None:
     places = install(made(part), root=tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import secrets
 import signal
 import stat
 from collections.abc import Callable, Iterator
@@ -109,10 +110,13 @@ def test_a_directory_that_is_not_there_is_named_as_the_user_did(tmp_path: Path) 
     assert caught.value.filename == str(path)
 
 
-def test_nothing_is_written_through_a_link_that_lies_beside(tmp_path: Path) -> None:
+def test_nothing_is_written_through_a_link_that_lies_beside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(secrets, "token_hex", lambda _size: "guessed")
     victim, path = tmp_path / "victim", tmp_path / "file"
     victim.write_text("precious")
-    (tmp_path / f".file.{os.getpid()}.part").symlink_to(victim)
+    (tmp_path / ".file.guessed.part").symlink_to(victim)
     with whole_file(path) as place:
         place.write_text("text")
     assert (victim.read_text(), path.read_text()) == ("precious", "text")

@@ -73,9 +73,10 @@ def read_firmware(path: Path) -> Firmware:
     """The file. Raises FirmwareRefused for one that is no firmware by its name or size, OSError."""
     if path.suffix.upper() != ".BIN":
         raise FirmwareRefused(f"{path.name}: firmware files are called .BIN")
-    data = path.read_bytes()
+    with path.open("rb") as file:
+        data = file.read(LARGEST_FILE + 1)
     if len(data) > LARGEST_FILE:
-        raise FirmwareRefused(f"{path.name}: {len(data)} bytes, at most {LARGEST_FILE}")
+        raise FirmwareRefused(f"{path.name}: firmware has at most {LARGEST_FILE} bytes")
     if not any(data):
         raise FirmwareRefused(f"{path.name}: nothing but zeros")
     return Firmware(path, data)

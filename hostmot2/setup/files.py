@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,8 +67,9 @@ def install(files: Sequence[MachineFile], *, root: Path = Path("/"), force: bool
         os.replace(place, place.with_name(place.name + SAVED))
     for file, place in zip(files, places, strict=True):
         place.parent.mkdir(parents=True, exist_ok=True)
-        beside = place.with_name(f".{place.name}.new")
-        beside.write_text(file.content)
+        beside = place.with_name(f".{place.name}.{secrets.token_hex(8)}.new")
+        with beside.open("x") as stream:  # through no link
+            stream.write(file.content)
         beside.chmod(0o644)
         os.replace(beside, place)
     return places
