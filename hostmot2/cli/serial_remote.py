@@ -148,7 +148,7 @@ def wpd(
         written = not dry_run and parameter.write(wanted)
         now = f"{parameter.name} = {shown(parameter, wanted, hexadecimal=bool(hexadecimal))}"
         was = parameter.format(before, hexadecimal=bool(hexadecimal))
-        if dry_run:
+        if dry_run and not (parameter.nonvolatile and before == wanted):
             said = f"would write {now}, is {was}{in_unit(parameter, before)}"
         elif not written:
             said = f"{now} already; EEPROM not rewritten"

@@ -222,3 +222,10 @@ def test_a_remote_on_a_terminal_does_as_it_is_told_and_survives_what_cannot_be(h
 def test_where_a_remote_is_to_be_must_be_said(hm2) -> None:
     status, _, err = hm2("emulate-remote", "8i20")
     assert (status, "--pty" in err) == (2, True)
+
+
+def test_a_dry_run_says_what_a_run_would_do(hm2) -> None:
+    """An EEPROM cell that holds the value already is not written."""
+    for more in ((), ("--dry-run",)):
+        status, out, _ = hm2("wpd", "NVKQP", "50", *more, "-p", "emu:8i20")
+        assert (status, out) == (0, "NVKQP = 50 already; EEPROM not rewritten")
