@@ -207,7 +207,6 @@ static void prepare(struct hm2_engine *engine)
 	engine->has_outputs = 0;
 	engine->due_ns = engine_now_ns(engine) + engine->config.period_ns;
 	(void)engine_take_outputs(engine); /* what was meant for the last run is not for this one */
-	atomic_fetch_and(&engine->requests, ~ENGINE_REQUEST_ENABLE);
 	for (uint32_t i = 0; i < engine->port_count; i++) {
 		atomic_store(&engine->ports[i].state, HM2_PORT_RUNNING);
 		engine->ports[i].leaving = 0;

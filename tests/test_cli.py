@@ -84,18 +84,20 @@ def test_poke_writes_only_when_told_yes(hm2, tmp_path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "status"),
+    ("arguments", "status", "why"),
     [
-        (("no-such-command",), 2),
-        (("peek", "0x101"), 2),
-        (("peek", "banana"), 2),
-        (("peek", "0xFFFC", "2"), 2),
-        (("--board", "nonsense://x", "info"), 2),
-        (("--board", "pci:///no/such/file", "info"), 3),
+        (("no-such-command",), 2, "No such command 'no-such-command'"),
+        (("peek", "0x101"), 2, "0x101 is not a multiple of 4"),
+        (("peek", "0x10000"), 2, "0x10000 is outside 0..0xFFFC"),
+        (("peek", "banana"), 2, "'banana' is not a number"),
+        (("peek", "0xFFFC", "2"), 2, "2 words from 0xFFFC on reach beyond 0xFFFF"),
+        (("--board", "nonsense://x", "info"), 2, "nonsense"),
+        (("--board", "pci:///no/such/file", "info"), 3, "/no/such/file"),
     ],
 )
-def test_exit_codes_tell_what_went_wrong(hm2, arguments: tuple[str, ...], status: int) -> None:
-    assert hm2(*arguments)[0] == status
+def test_exit_codes_tell_what_went_wrong(hm2, arguments: tuple[str, ...], status: int, why: str) -> None:
+    found, _, err = hm2(*arguments)
+    assert (found, why in err) == (status, True), err
 
 
 def test_an_error_with_json_is_a_document_too(hm2) -> None:
@@ -208,4 +210,5 @@ def test_sserial_status_and_counters_name_every_channel(hm2) -> None:
 
 def test_sserial_refuses_ports_and_masks_that_cannot_be(hm2) -> None:
     assert hm2(*EMULATED, "sserial", "scan", "--port", "1")[0] == 2
-    assert hm2(*EMULATED, "sserial", "start", "0x100")[0] == 2
+    status, _, err = hm2(*EMULATED, "sserial", "start", "0x100")
+    assert (status, "0x100 is outside 0..0xFF" in err) == (2, True)

@@ -223,8 +223,10 @@ def test_every_ethernet_card_that_is_emulated_says_what_it_is():
 
 
 def test_what_emulate_cannot_take_is_refused(hm2):
-    assert hm2("emulate", "7i92", "--fault", "loss=200%")[0] == 2
-    assert hm2("emulate", "7i92", "--listen", "127.0.0.1:x")[0] == 2
+    status, _, err = hm2("emulate", "7i92", "--fault", "loss=200%")
+    assert (status, "'--fault': 200%: a probability is 0 to 1" in err) == (2, True)
+    status, _, err = hm2("emulate", "7i92", "--listen", "127.0.0.1:x")
+    assert (status, "127.0.0.1:x: HOST or HOST:PORT" in err) == (2, True)
 
 
 def test_emulate_leaves_no_signal_blocked(taken_port: int, capsys: pytest.CaptureFixture[str]) -> None:

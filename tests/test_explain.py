@@ -24,7 +24,8 @@ def explained(capsys: pytest.CaptureFixture[str]):
     def run(*arguments: str) -> tuple[int, str]:
         with pytest.raises(SystemExit) as end:
             main(["explain", *arguments])
-        return int(end.value.code or 0), capsys.readouterr().out
+        said = capsys.readouterr()
+        return int(end.value.code or 0), said.out or said.err
 
     return run
 
@@ -165,9 +166,22 @@ def test_a_register_of_the_named_card_only(capsys: pytest.CaptureFixture[str]) -
     assert found["register"] == "sserial 0 command"
 
 
-@pytest.mark.parametrize("what", ["E999", "Nonsense", "CS=banana", "0x5A01F=1", "0x9990=1", "X=1", "CS="])
-def test_what_cannot_be_explained_is_a_usage_error(explained, what: str) -> None:
-    assert explained(what)[0] == 2
+@pytest.mark.parametrize(
+    ("what", "why"),
+    [
+        ("E999", "E999"),
+        ("Nonsense", "Nonsense"),
+        ("CS=banana", "'banana' is not a number of 32 bits"),
+        ("CS=0x100000000", "'0x100000000' is not a number of 32 bits"),
+        ("0x5A01F=1", "0x5A01F is beyond the card's registers"),
+        ("0x9990=1", "0x9990"),
+        ("X=1", "'X' is not a number of 32 bits"),
+        ("CS=", "'' is not a number of 32 bits"),
+    ],
+)
+def test_what_cannot_be_explained_is_a_usage_error(explained, what: str, why: str) -> None:
+    status, said = explained(what)
+    assert (status, why in said) == (2, True), said
 
 
 def test_codes_of_parts_whose_extra_is_not_installed_are_explained_too() -> None:

@@ -390,7 +390,7 @@ def test_mistakes_of_the_caller():
     data = single("BITS", 4, OUT)
     with pytest.raises(ValueError, match="does not fit"):
         data.outputs[0]["x"] = 16
-    with pytest.raises(TypeError, match="int"):
+    with pytest.raises(TypeError, match="takes an int of 4 bits"):
         data.outputs[0]["x"] = 1.5
     with pytest.raises(TypeError, match="number"):
         data.outputs[0]["x"] = "5"

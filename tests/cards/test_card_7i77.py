@@ -46,7 +46,7 @@ def cycles(card: Any, emulated: EmulatedBoard, count: int) -> None:
 
 
 def test_nothing_is_driven_before_start(card: Any, emulated: EmulatedBoard) -> None:
-    with pytest.raises(CardFault, match="start"):
+    with pytest.raises(CardFault, match=r"call start\(\) first"):
         card.analog_enable = True
     assert remotes(emulated)[1].get("analogena") is False
 

@@ -129,7 +129,8 @@ def test_hm2_plot_and_export_write_files(hm2, path, tmp_path):
     assert (tmp_path / "out.csv").read_text().splitlines()[0] == "time_ns,cycle"
     assert hm2("plot", path, "-o", tmp_path / "out.png")[0] == 0
     assert (tmp_path / "out.png").exists()
-    assert hm2("export", path, "-o", tmp_path / "out.xls")[0] == 2
+    status, _, err = hm2("export", path, "-o", tmp_path / "out.xls")
+    assert (status, "the name must end in .csv or .parquet" in err) == (2, True)
     assert hm2("export", path, "-o", tmp_path / "out.csv", "-c", "nothing")[0] == 2
     assert hm2("play", tmp_path / "nowhere.mcap")[0] == 3
     (tmp_path / "text.mcap").write_text("x" * 100)

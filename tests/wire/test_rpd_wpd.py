@@ -172,7 +172,8 @@ def test_a_state_of_another_remote_is_refused(hm2, tmp_path: Path) -> None:
     state = tmp_path / "state"
     with on_pty("8i20", "--state", str(state)):
         pass
-    assert hm2("emulate-remote", "7i64", "--pty", "--state", str(state))[0] == 2
+    status, _, err = hm2("emulate-remote", "7i64", "--pty", "--state", str(state))
+    assert (status, "is the state of a 8i20, not of a 7i64" in err) == (2, True), err
     state.write_text("{}")
     assert hm2("emulate-remote", "8i20", "--pty", "--state", str(state))[0] == 2
 
