@@ -53,6 +53,9 @@ class Axis:
     Set `position` (and `velocity`, unless the controller shall take it from the difference), then
     Engine.write(), which raises ValueError as long as no position was set since the engine was made or last
     stopped. Exceeding max_error turns all outputs off.
+
+    What makes the encoder count anew (`zero()`, an index latched with zero=True) moves the feedback in one
+    step and the command not with it: disable first, or latch without zero and work with the difference.
     """
 
     def __init__(self, engine: Engine, number: int, name: str, with_velocity: bool, pid: Any) -> None:
