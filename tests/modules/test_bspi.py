@@ -74,15 +74,23 @@ def test_the_clock_is_never_faster_than_asked(board: Board, wanted: float, made:
 
 
 @pytest.mark.parametrize(
-    "settings",
+    ("settings", "said"),
     [
-        {"bits": 0}, {"bits": 33}, {"frequency": 0.0}, {"frequency": 1e5}, {"chip_select": 16},
-        {"select_delay": 0}, {"select_delay": 17}, {"channel": 16},
+        ({"bits": 0}, "1 to 32 bits, not 0"),
+        ({"bits": 33}, "1 to 32 bits, not 33"),
+        ({"frequency": 0.0}, r"an SPI clock of 0.0 Hz is below \d+ Hz"),
+        ({"frequency": 1e5}, r"an SPI clock of 100000.0 Hz is below \d+ Hz"),
+        ({"chip_select": 16}, "16"),
+        ({"select_delay": 0}, "1 to 16 clocks, not 0"),
+        ({"select_delay": 17}, "1 to 16 clocks, not 17"),
+        ({"channel": 16}, "channels 0 to 15, no 16"),
     ],
-)  # fmt: skip
-def test_what_a_descriptor_cannot_hold_is_refused(board: Board, settings: dict[str, float]) -> None:
+)
+def test_what_a_descriptor_cannot_hold_is_refused(
+    board: Board, settings: dict[str, float], said: str
+) -> None:
     arguments = {"channel": 0, "bits": 8, "frequency": 1e6, "chip_select": 0, **settings}
-    with pytest.raises(ValueError, match=r"\d"):
+    with pytest.raises(ValueError, match=said):
         board.bspis[0].setup(**arguments)  # type: ignore[arg-type]
 
 

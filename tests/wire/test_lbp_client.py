@@ -190,8 +190,18 @@ def test_something_else_on_the_line_is_no_remote(emulator: EmulatedRemote) -> No
         connect(emulator)
     assert failure.value.received == 0x55
     emulator.alive = False
-    with pytest.raises(LineSilent, match="115200"):
+    with pytest.raises(LineSilent, match="nothing answers at 115200 baud"):
         connect(emulator)
+
+
+def test_bytes_that_nobody_asked_for_are_no_answer(emulator: EmulatedRemote) -> None:
+    line = Recorder(emulator)
+    link = WireLink(line)
+    link.open()
+    line._waiting += bytes(2)
+    with pytest.raises(WrongAnswer, match="2 bytes came that nobody asked for"):
+        link.transact(frame.read(0x200, 2))
+    assert link.counters.stale == 1
 
 
 def test_a_value_that_changes_all_the_time_passes_on_a_good_line_only(emulator: EmulatedRemote) -> None:

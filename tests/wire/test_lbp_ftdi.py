@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Iterator
+from functools import partial
 
 import pytest
 import usb.core
@@ -66,6 +67,23 @@ def test_a_pulled_adapter_is_an_error_and_no_value(chip: VirtualFtdi) -> None:
         remote.read_remote(0x828, 2)
     chip.error = None
     assert remote.read_remote(0x828, 2) == 32000
+    remote.close()
+
+
+@pytest.mark.parametrize("call", ["bulk_write", "bulk_read"])
+def test_what_fails_on_the_way_there_or_back_is_an_error(
+    chip: VirtualFtdi, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
+    def fail(*_arguments: object) -> None:
+        raise USBError(call, -1, errno.EIO)
+
+    remote = lbp.open("ftdi:///1")
+    stream = remote.link.stream
+    attempt = partial(stream.send, b"\x00") if call == "bulk_write" else stream.flush
+    with monkeypatch.context() as broken:
+        broken.setattr(Backend, call, fail)
+        with pytest.raises(lbp.LineSilent, match=call):
+            attempt()
     remote.close()
 
 

@@ -93,7 +93,7 @@ def test_block_1_is_erased_with_the_published_frames(card: DescribedRemote, file
     [
         ("7I77.HEX", image(), "BIN"),
         ("7I76.BIN", image(), "not for a 7I77"),
-        ("7I77.BIN", image(0, ()), "boot block"),
+        ("7I77.BIN", image(0, ()), "are no more than the boot block"),
         ("7I77.BIN", bytes(ERASE * 4), "zeros"),
         ("7I77.BIN", b"\1" * ERASE + bytes(ERASE), "nothing behind"),
         ("7I77.BIN", bytes([1]) * ((1 << 20) + 1), "at most"),
