@@ -116,7 +116,7 @@ def test_a_lost_restart_is_sent_again(server, link, monkeypatch, kind):
 
 def test_a_card_that_does_not_restart_is_told(server, link, monkeypatch):
     monkeypatch.setattr(link, "send", lambda _sent: None)
-    with pytest.raises(errors.TransportError, match="did not restart"):
+    with pytest.raises(errors.TransportError, match="goes on as before"):
         EthernetService(link).reload(timeout=0.1)
 
 
