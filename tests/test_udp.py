@@ -374,7 +374,7 @@ def test_nobody_listening_is_told_at_once():
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     link = UdpLink("127.0.0.1", port)
-    with pytest.raises(errors.TransportError) as caught:
+    with pytest.raises(errors.TransportError, match=f"udp://127.0.0.1:{port}: Connection refused") as caught:
         link.exchange(lbp16.read(Lbp16Space.BOARD, 0))
     assert caught.value.os_errno == errno.ECONNREFUSED
     link.close()
