@@ -170,18 +170,22 @@ def test_a_reader_that_is_gone_before_anything_is_said_is_no_error(more: tuple[s
     assert (done.returncode, done.stderr) == (0, b"")
 
 
+@pytest.mark.parametrize("buffered", [True, False])
 @pytest.mark.parametrize("more", [(), ("--json",)])
 @pytest.mark.parametrize("place", ["&-", "/dev/full"])
-def test_an_output_that_takes_nothing_is_no_traceback(place: str, more: tuple[str, ...]) -> None:
+def test_an_output_that_takes_nothing_is_no_traceback(
+    place: str, more: tuple[str, ...], buffered: bool
+) -> None:
     line = " ".join(f"'{part}'" for part in (*HM2, *QUICK, *more, "info")) + f" >{place}"
     done = subprocess.run(
         ["bash", "-c", line],
         capture_output=True,
         text=True,
         check=False,
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        env=os.environ | {"PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "" if buffered else "1"},
     )
     assert "Traceback" not in done.stderr
+    assert "ignored" not in done.stderr
     assert done.returncode == (0 if place == "&-" else 5)
     assert (os.strerror(errno.ENOSPC) in done.stderr) == (place == "/dev/full")
 

@@ -447,8 +447,7 @@ def test_a_reader_that_has_seen_enough_is_no_error(
     monkeypatch.setattr(cli.hm2, "main", broken)
     monkeypatch.setattr(cli.os, "dup2", lambda nowhere, _stdout: turned.append(nowhere))
     assert command_line("info") == (0, "", "")
-    (nowhere,) = turned
-    os.close(nowhere)
+    assert len(turned) == 1
 
 
 def test_a_card_without_smart_serial_has_no_remotes_to_start() -> None:

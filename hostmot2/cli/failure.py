@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 import sys
-from typing import Any
+from typing import Any, TextIO
 
 import click
 
@@ -105,9 +105,15 @@ def _print(found: dict[str, Any]) -> None:
     """The document on stdout; where that takes nothing (a full disk), the words on stderr must do."""
     try:
         click.echo(json.dumps(found, indent=2))
+        sys.stdout.flush()
     except OSError:
-        with open(os.devnull, "wb") as nowhere:
-            os.dup2(nowhere.fileno(), sys.stdout.fileno())  # what is buffered fails no second time
+        turn_away(sys.stdout)
+
+
+def turn_away(stream: TextIO) -> None:
+    """What is buffered for it, and comes yet, goes nowhere: it fails no second time."""
+    with open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def _lines(error: BaseException) -> list[str]:

@@ -144,6 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = hm2.main(arguments, prog_name="hm2", standalone_mode=False, obj=session)
         if session.document is not None:
             click.echo(session.document)
+        sys.stdout.flush()  # while there is still somebody to tell of a full disk
     except click.ClickException as error:
         status = failure.show_usage(error, as_json=session.as_json)
     except (click.Abort, KeyboardInterrupt) as interrupt:
@@ -151,7 +152,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         click.echo("\n  ".join(["hm2: interrupted", *notes]), err=True)
         status = 130
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader has seen enough
+        failure.turn_away(sys.stdout)  # the reader has seen enough
         status = 0
     except SystemExit as ended:  # so click passes on a broken pipe, and rich, which turns stdout away first
         seen_enough = _nobody_reads(sys.stdout) or isinstance(ended.__context__, BrokenPipeError)
@@ -162,6 +163,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if os.environ.get(DEBUG_VARIABLE) or failure.exit_code(error) == 1:
             raise
         status = failure.show(error, as_json=session.as_json, verbose=session.verbose)
+    try:
+        sys.stdout.flush()
+    except OSError:  # told already
+        failure.turn_away(sys.stdout)
     sys.exit(status if isinstance(status, int) else 0)
 
 
