@@ -6,6 +6,7 @@ python tools/packages.py WHEEL PLACE      PLACE: a directory for the environment
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -64,7 +65,8 @@ class Wrong(Exception):
 
 def run(*command: str, cwd: Path, codes: tuple[int, ...] = (0,)) -> str:
     """What a command prints, stderr too. Raises Wrong for another exit status."""
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    known = os.environ | {"TERM": "xterm"}  # whatever runs this may have none
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False, env=known)
     said = done.stdout + done.stderr
     if done.returncode not in codes:
         raise Wrong(f"$ {' '.join(command)}\n{said}exit status {done.returncode}")

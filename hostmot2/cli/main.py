@@ -144,7 +144,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = hm2.main(arguments, prog_name="hm2", standalone_mode=False, obj=session)
         if session.document is not None:
             click.echo(session.document)
-        sys.stdout.flush()  # while there is still somebody to tell of a full disk
+        if not status:
+            sys.stdout.flush()  # while there is still somebody to tell of a full disk
     except click.ClickException as error:
         status = failure.show_usage(error, as_json=session.as_json)
     except (click.Abort, KeyboardInterrupt) as interrupt:
@@ -163,10 +164,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if os.environ.get(DEBUG_VARIABLE) or failure.exit_code(error) == 1:
             raise
         status = failure.show(error, as_json=session.as_json, verbose=session.verbose)
-    try:
-        sys.stdout.flush()
-    except OSError:  # told already
-        failure.turn_away(sys.stdout)
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:  # told already, or the terminal has gone
+            failure.turn_away(stream)
     sys.exit(status if isinstance(status, int) else 0)
 
 
