@@ -298,13 +298,8 @@ def test_an_interrupted_update_goes_on_where_it_was(
     assert kept == [1, 2, 3, 4]
 
 
-@pytest.mark.parametrize("resumed", [False, True])
-def test_what_an_update_that_began_anew_has_erased_is_not_left_out_by_the_next(
-    record: Any, command_line: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, resumed: bool
-) -> None:
-    """The remote went silent in the first block: what an earlier update had written is gone."""
-    (tmp_path / "7I77.BIN").write_bytes(bytes(range(1, 256)) * 20)
-    arguments = ("uflbp", str(tmp_path / "7I77.BIN"), "-p", "emu:7i77-io")
+def updates_fail(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The first behind three blocks, the next at once; filled with how many each took for done before."""
     begun: list[int] = []
 
     def interrupted(_remote: Any, _firmware: Any, todo: Any, *, done: int, progress: Any) -> None:
@@ -314,6 +309,17 @@ def test_what_an_update_that_began_anew_has_erased_is_not_left_out_by_the_next(
         raise UpdateFailed("silent")
 
     monkeypatch.setattr(cli_uflbp, "update", interrupted)
+    return begun
+
+
+@pytest.mark.parametrize("resumed", [False, True])
+def test_what_an_update_that_began_anew_has_erased_is_not_left_out_by_the_next(
+    record: Any, command_line: CommandLine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, resumed: bool
+) -> None:
+    """The remote went silent in the first block: what an earlier update had written is gone."""
+    (tmp_path / "7I77.BIN").write_bytes(bytes(range(1, 256)) * 20)
+    arguments = ("uflbp", str(tmp_path / "7I77.BIN"), "-p", "emu:7i77-io")
+    begun = updates_fail(monkeypatch)
     for more in ((), ("--resume",) if resumed else (), ("--resume",)):
         assert command_line(*arguments, *more)[0] == 5
     assert begun == ([0, 3, 3] if resumed else [0, 0, 0])
@@ -324,15 +330,7 @@ def test_what_another_file_has_overwritten_is_not_left_out(
 ) -> None:
     for name, fill in (("7I77.BIN", 1), ("7I77_NEW.BIN", 2)):
         (tmp_path / name).write_bytes(bytes([fill]) * 0x1400)
-    begun: list[int] = []
-
-    def interrupted(_remote: Any, _firmware: Any, todo: Any, *, done: int, progress: Any) -> None:
-        begun.append(done)
-        if len(begun) == 1:
-            progress(3, len(todo.blocks))
-        raise UpdateFailed("silent")
-
-    monkeypatch.setattr(cli_uflbp, "update", interrupted)
+    begun = updates_fail(monkeypatch)
     for name, *more in (("7I77.BIN",), ("7I77_NEW.BIN",), ("7I77.BIN", "--resume")):
         assert command_line("uflbp", str(tmp_path / name), "-p", "emu:7i77-io", *more)[0] == 5
     assert begun == [0, 0, 0]
