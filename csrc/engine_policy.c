@@ -3,8 +3,6 @@
 
 #include <string.h>
 
-#define DOIT_HUNG (-1) /* values of HM2_EVENT_PORT_GIVEN_UP */
-#define CHANNELS_STOPPED (-2)
 #define LEAVING_CYCLES 4 /* zeroes are packed in the first, sent in the second, and a DOIT may have been too soon */
 
 void engine_event(struct hm2_engine *engine, int kind, int index, int status, int64_t value, const uint32_t words[4])
@@ -71,7 +69,7 @@ static void give_up(struct hm2_engine *engine, uint32_t number, int64_t value)
 	engine_off(engine, HM2_OFF_PORT);
 	engine_lend_no_more(&engine->ports[number]); /* or its DOIT would be held back */
 	engine->ports[number].leaving = LEAVING_CYCLES;
-	if (value == DOIT_HUNG)
+	if (value == HM2_GIVEN_UP_DOIT_HUNG)
 		leave(engine, number);
 }
 
@@ -124,9 +122,9 @@ static void judge_port(struct hm2_engine *engine, uint32_t number)
 		if (news < 0 || --port->leaving == 0)
 			leave(engine, number);
 	} else if (news < 0) {
-		give_up(engine, number, DOIT_HUNG);
+		give_up(engine, number, HM2_GIVEN_UP_DOIT_HUNG);
 	} else if (!still_runs(port)) {
-		give_up(engine, number, CHANNELS_STOPPED);
+		give_up(engine, number, HM2_GIVEN_UP_CHANNELS_STOPPED);
 	} else if (config->fault_limit && port->level >= config->fault_limit) {
 		give_up(engine, number, port->level);
 	} else {

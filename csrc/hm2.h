@@ -1431,7 +1431,7 @@ enum hm2_engine_event_kind {
 	HM2_EVENT_FAILED,        /* an exchange failed (status); the first of a series */
 	HM2_EVENT_RECOVERED,     /* value = how many had failed */
 	HM2_EVENT_PORT_FAULT,    /* index = port * 8 + channel: words = CS, rising, fault word, rising of it */
-	HM2_EVENT_PORT_GIVEN_UP, /* index = port: fault bucket full (value = level), DOIT hung (-1), channels stopped (-2) */
+	HM2_EVENT_PORT_GIVEN_UP, /* index = port: fault bucket full (value = level), or value = enum hm2_engine_given_up */
 	HM2_EVENT_PORT_BACK,     /* index = port: it takes part again; outputs stay off */
 	HM2_EVENT_AXIS,          /* index = axis whose following error was exceeded */
 	HM2_EVENT_CONTROL        /* index = output that is not a number */
@@ -1489,6 +1489,9 @@ typedef struct hm2_engine_config {
 typedef struct hm2_engine_refusals {
 	int32_t priority, cpu, lock_memory;
 } hm2_engine_refusals;
+
+/* Values of HM2_EVENT_PORT_GIVEN_UP that are no level of a fault bucket. */
+enum hm2_engine_given_up { HM2_GIVEN_UP_DOIT_HUNG = -1, HM2_GIVEN_UP_CHANNELS_STOPPED = -2 };
 
 enum hm2_engine_port_state { HM2_PORT_RUNNING, HM2_PORT_GIVEN_UP, HM2_PORT_LENT };
 

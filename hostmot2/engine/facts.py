@@ -51,7 +51,10 @@ class EventKind(IntEnum):
     CONTROL = lib.HM2_EVENT_CONTROL
 
 
-_GIVEN_UP = {-1: "its DOIT never ended", -2: "its channels were stopped"}
+_GIVEN_UP = {
+    lib.HM2_GIVEN_UP_DOIT_HUNG: "its DOIT never ended",
+    lib.HM2_GIVEN_UP_CHANNELS_STOPPED: "its channels were stopped",
+}
 
 
 @dataclass(frozen=True, slots=True)
