@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, overload
 
@@ -43,6 +44,9 @@ class HasWord(Protocol):
 
     def word(self) -> int:
         """What the register is to hold."""
+
+    def forget(self) -> None:
+        """What it was told to put out is not wanted any more."""
 
 
 Commanded = TypeVar("Commanded", bound=HasWord)
@@ -143,3 +147,13 @@ class CommandedInstances(Instances[Commanded]):
     def write_now(self) -> None:
         """Write all words without waiting for the next exchange."""
         self.board.write(self.address(self._register), list(self._words))
+
+    def _restore(self) -> None:
+        """What was wanted before a bite is not wanted by itself after it."""
+        for instance in self._instances:
+            instance.forget()
+        self._off()
+
+    @abstractmethod
+    def _off(self) -> None:
+        """The hardware as when the board was opened: nothing put out, everything configured."""

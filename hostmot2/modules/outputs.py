@@ -78,6 +78,10 @@ class FieldOutputs:
             self._group.write_now()
         self._group.switch(self.index, self._enable)
 
+    def forget(self) -> None:
+        """What it was told to put out is not wanted any more."""
+        self._bits = 0
+
     def word(self) -> int:
         """The data register."""
         return (self._bits ^ self._inverted) if self._enable else 0
@@ -107,11 +111,6 @@ class OutputInstances(CommandedInstances[FieldOutputs]):
             self.drive(instance, f"{self.descriptor.name} {instance}")
         else:
             self.let_go(instance)
-
-    def _restore(self) -> None:
-        for outputs in self._instances:
-            outputs._bits = 0  # what was wanted before a bite is not wanted by itself after it
-        self._off()
 
     def _off(self) -> None:
         for outputs in self._instances:

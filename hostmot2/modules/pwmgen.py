@@ -106,6 +106,10 @@ class Pwmgen:
         """Resolution: 9 to 12 bits by PWM frequency, 12 for PDM."""
         return _PDM_BITS if self._output == PwmgenOutput.PDM_DIRECTION else self._all.bits
 
+    def forget(self) -> None:
+        """What it was told to put out is not wanted any more."""
+        self._value = 0.0
+
     def word(self) -> int:
         """The value register for the present duty."""
         if self._offset_mode and self._enable:
@@ -201,8 +205,3 @@ class Pwmgens(CommandedInstances[Pwmgen]):
         self.update()
         self.write_now()
         self.configure()
-
-    def _restore(self) -> None:
-        for pwmgen in self._instances:
-            pwmgen._value = 0.0  # what was wanted before a bite is not wanted by itself after it
-        self._off()

@@ -72,6 +72,10 @@ class Rcpwm:
         wanted = self._offset + self._value * self._scale
         return max(0.0, min(wanted, self._all.longest))
 
+    def forget(self) -> None:
+        """What it was told to put out is not wanted any more."""
+        self._value = 0.0
+
     def word(self) -> int:
         """The width register: 16 clocks are 0."""
         return Registers.width.periods.put(max(0, round(self.width * self._all.clock / _STEP) - 1))
@@ -131,11 +135,6 @@ class Rcpwms(CommandedInstances[Rcpwm]):
     def longest(self) -> float:
         """Seconds of the longest pulse: 16 bits, and shorter than the repetition."""
         return min((Registers.width.periods.maximum + 1) * _STEP, self._period - 1) / self.clock
-
-    def _restore(self) -> None:
-        for rcpwm in self._instances:
-            rcpwm._value = 0.0  # what was wanted before a bite is not wanted by itself after it
-        self._off()
 
     def _off(self) -> None:
         for rcpwm in self._instances:

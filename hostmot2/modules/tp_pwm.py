@@ -128,6 +128,10 @@ class TpPwm:
         else:
             self._all.disable(self)
 
+    def forget(self) -> None:
+        """What it was told to put out is not wanted any more."""
+        self._values = [0.0, 0.0, 0.0]
+
     def word(self) -> int:
         """The value register; the centre while off. Not a number counts as 0."""
         words = [_CENTRE] * 3
@@ -234,11 +238,6 @@ class TpPwms(CommandedInstances[TpPwm]):
         tp_pwm._enable = False
         self.update()  # first: if the write is lost, the next exchange brings all phases to the centre
         self.write(Registers.enable.number, 0, tp_pwm.index)
-
-    def _restore(self) -> None:
-        for tp_pwm in self._instances:
-            tp_pwm._values = [0.0, 0.0, 0.0]  # what was wanted before a bite is not wanted by itself after it
-        self._off()
 
     def _off(self) -> None:
         for tp_pwm in self._instances:
