@@ -6,8 +6,8 @@ import importlib
 import os
 import threading
 import warnings
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from types import TracebackType
 from typing import Any, Self
@@ -236,18 +236,24 @@ class Board:
         again, or close().
         """
         with self.lock:
-            for action in self._transport.on_recover:
-                action()
             has_watchdog = any(module.gtag == Gtag.WATCHDOG for module in self.modules)
-            try:
+            with self._link_taken_up():
                 if has_watchdog and self.watchdog.check():
                     self.watchdog.acknowledge()
                 else:
                     self.restore()
-            except errors.TransportError:  # outputs may be as they were: nothing goes on from there by itself
-                for action in self._transport.on_give_up:
-                    action()
-                raise
+
+    @contextmanager
+    def _link_taken_up(self) -> Iterator[None]:
+        """Its errors forgotten. Given up again if the block fails: nothing goes on from there by itself."""
+        for action in self._transport.on_recover:
+            action()
+        try:
+            yield
+        except errors.TransportError:
+            for action in self._transport.on_give_up:
+                action()
+            raise
 
     def close(self) -> None:
         """Turn outputs off, let the transport go. Idempotent.
@@ -308,13 +314,8 @@ class Board:
         """One that was given up may be back: then outputs need not be left to the watchdog."""
         if self.read_only or not self._transport.given_up():
             return
-        for action in self._transport.on_recover:
-            action()
-        try:
+        with self._link_taken_up():
             self.read(Id.cookie.number)
-        except errors.TransportError:
-            for action in self._transport.on_give_up:
-                action()
 
     def _close_bus(self) -> None:
         """Each part of it may be done twice: what is closed stays closed."""

@@ -156,6 +156,12 @@ def exchange_until_given_up(driver):
             driver.exchange()
 
 
+def lose_the_link(server, driver):
+    server.set_fault("loss=100%")
+    with pytest.raises(errors.LinkFailed):
+        exchange_until_given_up(driver)
+
+
 @pytest.mark.parametrize("bites", [True, False])
 def test_a_link_given_up_is_used_again_with_everything_configured_anew_and_outputs_off(bites):
     with (
@@ -173,9 +179,7 @@ def test_a_link_given_up_is_used_again_with_everything_configured_anew_and_outpu
         assert len(before) >= 2
         assert all(before.values())
 
-        server.set_fault("loss=100%")
-        with pytest.raises(errors.LinkFailed):
-            exchange_until_given_up(driver)
+        lose_the_link(server, driver)
         with pytest.raises(errors.TransportError):
             board.recover()  # the cause is not gone
         forget(card, server, before)
@@ -209,9 +213,7 @@ def test_a_link_that_could_not_be_taken_up_is_given_up_again():
         driver.start()
         driver.analog[0].volts, driver.analog_enable = 3.0, True
         driver.exchange()
-        server.set_fault("loss=100%")
-        with pytest.raises(errors.LinkFailed):
-            exchange_until_given_up(driver)
+        lose_the_link(server, driver)
         with pytest.raises(errors.TransportError):
             board.recover()
         server.set_fault("")
@@ -230,9 +232,7 @@ def test_closing_tries_a_link_that_was_given_up_once_more(back):
         driver.start()
         driver.exchange()
         ddr = board.module(Gtag.IOPORT).register_address(Ioport.ddr.number, 0)
-        server.set_fault("loss=100%")
-        with pytest.raises(errors.LinkFailed):
-            exchange_until_given_up(driver)
+        lose_the_link(server, driver)
         if not back:
             with pytest.raises(errors.LinkFailed):
                 board.close()
