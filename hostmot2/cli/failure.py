@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import sys
-from typing import Any, TextIO
+from contextlib import suppress
+from typing import Any
 
 import click
 
@@ -103,17 +103,8 @@ def show(error: BaseException, *, as_json: bool, verbose: bool = False) -> int:
 
 def _print(found: dict[str, Any]) -> None:
     """The document on stdout; where that takes nothing (a full disk), the words on stderr must do."""
-    try:
+    with suppress(OSError):
         click.echo(json.dumps(found, indent=2))
-        sys.stdout.flush()
-    except OSError:
-        turn_away(sys.stdout)
-
-
-def turn_away(stream: TextIO) -> None:
-    """What is buffered for it, and comes yet, goes nowhere: it fails no second time."""
-    with open(os.devnull, "wb") as nowhere:
-        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def _lines(error: BaseException) -> list[str]:

@@ -9,7 +9,7 @@ import select
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TextIO
 
 import click
 from click.shell_completion import CompletionItem
@@ -144,8 +144,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status = hm2.main(arguments, prog_name="hm2", standalone_mode=False, obj=session)
         if session.document is not None:
             click.echo(session.document)
-        if not status:
-            sys.stdout.flush()  # while there is still somebody to tell of a full disk
     except click.ClickException as error:
         status = failure.show_usage(error, as_json=session.as_json)
     except (click.Abort, KeyboardInterrupt) as interrupt:
@@ -153,7 +151,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         click.echo("\n  ".join(["hm2: interrupted", *notes]), err=True)
         status = 130
     except BrokenPipeError:
-        failure.turn_away(sys.stdout)  # the reader has seen enough
+        _turn_away(sys.stdout)  # the reader has seen enough
         status = 0
     except SystemExit as ended:  # so click passes on a broken pipe, and rich, which turns stdout away first
         seen_enough = _nobody_reads(sys.stdout) or isinstance(ended.__context__, BrokenPipeError)
@@ -168,7 +166,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         try:
             stream.flush()
         except OSError:  # told already, or the terminal has gone
-            failure.turn_away(stream)
+            _turn_away(stream)
     sys.exit(status if isinstance(status, int) else 0)
 
 
@@ -177,6 +175,12 @@ def _fill_in_closed_streams() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+
+
+def _turn_away(stream: TextIO) -> None:
+    """What is buffered for it, and comes yet, goes nowhere: it fails no second time."""
+    with open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), stream.fileno())
 
 
 def _nobody_reads(stream: Any) -> bool:
