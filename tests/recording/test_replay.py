@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import hostmot2
 from hostmot2 import Board, errors
 from hostmot2._core import ffi, lib
 from hostmot2.cli import main
@@ -12,7 +13,7 @@ from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.control import Controls, ControlServer, ask
 from hostmot2.emulator.ethernet import EthernetServer
 from hostmot2.record_ring import RecordRing, record_dtype
-from hostmot2.recording import Recorder, Replay, Signal, Tap, attachments_of, read, remote_inputs
+from hostmot2.recording import Recorder, Replay, Signal, Tap, attachments_of, read, record, remote_inputs
 from hostmot2.recording.bus import BusAround
 from hostmot2.recording.play import emulator_keys, play
 from hostmot2.transports.emulated import transport_of
@@ -229,6 +230,33 @@ def test_hm2_play_moves_the_inputs_of_a_served_card(recorded, tmp_path):
                 assert float(ask(tmp_path / "control", "get", "input")) == seen[-1]["inputs"]["input"]
         finally:
             server.close()
+
+
+def test_a_bite_comes_again_in_its_cycle_and_the_replay_goes_on(tmp_path):
+    with hostmot2.open(f"emu://{CARD}?clock=virtual") as board:
+        board.sserial.start(MASK).raise_for_failed()
+        engine = board.engine(rate=1000)
+        with record(engine, tmp_path / "run.mcap"), engine:
+            for frame in engine.frames(seconds=0.04):
+                engine.outputs["analogout0"] = 5.0
+                if frame.cycle == 20:
+                    board.pause(0.1)
+    made = Replay(read(tmp_path / "run.mcap"), f"emu://{CARD}?clock=virtual")
+    bitten = []
+    with made.open() as board:
+        board.sserial.start(MASK)
+        board.sserial.cyclic = MASK
+        for index in range(len(made)):
+            made.play(index)
+            try:
+                board.cycle.read()
+                board.cycle.write()
+            except errors.WatchdogBite:
+                bitten.append(index)
+    assert len(made) > 40
+    assert bitten == list(range(bitten[0], len(made)))
+    assert made.recording["sserial0.1.AnalogOut0"][bitten[0] - 1] == 5.0
+    assert not made.recording["sserial0.1.AnalogOut0"][bitten[0] + 1 :].any()
 
 
 def test_who_waits_during_a_replay_sees_time_pass(replay):
