@@ -115,7 +115,7 @@ def repeat_alone(first: Failed, command: list[str], env: dict[str, str]) -> Repe
         output = run(*command, *tests, env=env, cwd=BUILD)
         return f"{last_line(output)} (REPEATED after a failure: {', '.join(names)})"
 
-    return Repeat(again)
+    return Repeat(str(first), again)
 
 
 @step
@@ -332,8 +332,8 @@ def main() -> int:
         text = outcome.text if outcome.verdict == "ok" else ""
         print(f"{outcome.verdict:<8} {outcome.name:<18} {outcome.seconds:6.1f} s  {text}", flush=True)
     for outcome in outcomes:
-        if outcome.verdict == "FAILED":
-            print(f"\n==== FAILED {outcome.name}\n{outcome.text}")
+        if outcome.verdict in ("FAILED", "REPEAT"):
+            print(f"\n==== {outcome.verdict} {outcome.name}\n{outcome.text}")
     for outcome in outcomes:
         if outcome.verdict == "SKIPPED":
             print(f"\n**** SKIPPED {outcome.name}: {outcome.text}")

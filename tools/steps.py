@@ -20,9 +20,13 @@ class Failed(Exception):
 
 
 class Repeat(Exception):
-    """A step failed as it may on a busy machine: `again` does that part anew, when nothing else runs."""
+    """A step failed as it may on a busy machine: `again` does that part anew, when nothing else runs.
 
-    def __init__(self, again: Callable[[], str]) -> None:
+    The text is what failed first; it is told whatever the repetition says.
+    """
+
+    def __init__(self, first: str, again: Callable[[], str]) -> None:
+        super().__init__(first)
         self.again = again
 
 
@@ -87,7 +91,7 @@ def perform(name: str, call: Callable[[], str]) -> Outcome:
     except Skipped as reason:
         verdict, text = "SKIPPED", str(reason)
     except Repeat as repeat:
-        verdict, text, again = "REPEAT", "", repeat.again
+        verdict, text, again = "REPEAT", str(repeat), repeat.again
     except Failed as failure:
         verdict, text = "FAILED", str(failure)
     return Outcome(name, verdict, text, time.monotonic() - start, again)

@@ -48,8 +48,8 @@ class Replay(BusAround):
                 hm2.cycle.run()         # of the engine's read-modify-write style: read(), then write()
             replay.stop()
 
-    A failed exchange fails again with its status, and a bite is raised in each cycle until it was acknowledged:
-    catch HostMot2Error about the cycle to go on. `differences` are the writes that were not as recorded.
+    A failed exchange fails again with its status, and a bite is raised in every cycle until it was acknowledged;
+    who catches HostMot2Error goes on. `differences` are the writes that were not as recorded.
     Raises ValueError if the recording has no raw registers.
     """
 
