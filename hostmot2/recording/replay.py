@@ -48,7 +48,7 @@ class Replay(BusAround):
                 hm2.cycle.run()         # of the engine's read-modify-write style: read(), then write()
             replay.stop()
 
-    A failed exchange fails again with its status, and a bite is raised in every cycle until it was acknowledged;
+    A failed exchange fails again with its status, and a bite is raised in each cycle until it was accepted;
     who catches HostMot2Error goes on. `differences` are the writes that were not as recorded.
     Raises ValueError if the recording has no raw registers.
     """
