@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -20,7 +21,7 @@ from hostmot2 import recording
 from hostmot2.cli.monitor import explanation
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.monitor import Source
-from hostmot2.monitor.app import MonitorApp
+from hostmot2.monitor.app import SIGNALS, MonitorApp
 
 Script = Callable[[MonitorApp, Any], Awaitable[None]]
 SIZES = [(80, 24), (160, 50)]
@@ -47,15 +48,20 @@ def looking(card: EmulatedBoard) -> Iterator[Source]:
 
 
 def drive(source: Source, script: Script, size: tuple[int, int] = (80, 24)) -> MonitorApp:
-    """Run the app on a screen of that size and do what the script says."""
+    """Run the app on a screen of that size and do what the script says; signals are then handled as before."""
     app = MonitorApp(source, explanation)
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
 
     async def run() -> None:
         async with app.run_test(size=size, notifications=True) as pilot:
             await pilot.pause()
             await script(app, pilot)
 
-    asyncio.run(run())
+    try:
+        asyncio.run(run())
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
     return app
 
 
