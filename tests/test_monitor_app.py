@@ -48,7 +48,7 @@ def looking(card: EmulatedBoard) -> Iterator[Source]:
 
 
 def drive(source: Source, script: Script, size: tuple[int, int] = (80, 24)) -> MonitorApp:
-    """Run the app on a screen of that size and do what the script says; signals are then handled as before."""
+    """Run the app on a screen of that size and do what the script says; give signals back."""
     app = MonitorApp(source, explanation)
     handlers = {number: signal.getsignal(number) for number in SIGNALS}
 
