@@ -133,6 +133,8 @@ def from_text(text: str) -> Dump:
             omitted[address] = reason
         else:
             words[address] = int(found[2], 16)
+    if not words and not omitted:
+        raise errors.BrokenDump("no line of a dump is in it")
     return Dump(words, omitted, names, facts)
 
 

@@ -8,13 +8,17 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 from bitfile_samples import payload, xilinx
 
+import hostmot2
+from hostmot2.cli import emulate as emulate_module
 from hostmot2.cli import main
 from hostmot2.cli.emulate import _above_ordinary_programs, _described
 from hostmot2.emulator import EmulatedBoard
@@ -99,6 +103,21 @@ def test_a_reload_turns_everything_off(hm2):
         with server.card.hold():
             assert {pin.level for pin in board.pins} <= {"H", "0"}
             assert board.pin(2).level == "H"
+
+
+def test_what_another_program_drives_is_not_reloaded_and_its_flash_not_written(hm2, tmp_path: Path):
+    image = tmp_path / "image.bit"
+    image.write_bytes(xilinx(payload(3000)))
+    with EmulatedBoard("7i92+7i77") as board, EthernetServer(board) as server:
+        with hostmot2.open(server.url) as other, other.engine(rate=200) as engine:
+            for refused in (("reload",), ("reload", "--engine"), ("flash", "write", str(image))):
+                status, out, err = hm2("--board", server.url, *refused, "--yes")
+                assert (status, out, "feeds its watchdog" in err) == (7, "", True), refused
+            assert hm2("--board", server.url, "flash", "write", str(image), "--dry-run")[0] == 0
+            assert engine.status.running
+            assert engine.status.failures == 0
+        assert hm2("--board", server.url, "flash", "write", str(image), "--yes")[0] == 0
+        assert hm2("--board", server.url, "reload", "--yes")[0] == 0
 
 
 def test_reload_needs_yes(hm2, server):
@@ -229,10 +248,31 @@ def test_what_emulate_cannot_take_is_refused(hm2):
     assert (status, "127.0.0.1:x: HOST or HOST:PORT" in err) == (2, True)
 
 
-def test_emulate_leaves_no_signal_blocked(taken_port: int, capsys: pytest.CaptureFixture[str]) -> None:
+def test_emulate_gives_signals_back(taken_port: int, capsys: pytest.CaptureFixture[str]) -> None:
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
     with pytest.raises(SystemExit):
         main(["emulate", "7i92+7i77", "--listen", f"127.0.0.1:{taken_port}"])
-    assert not signal.pthread_sigmask(signal.SIG_BLOCK, set()) & {signal.SIGINT, signal.SIGTERM}
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_comes_early_and_in_a_librarys_thread_ends_emulate_with_0(hm2, monkeypatch, number):
+    over = threading.Event()
+    library = threading.Thread(target=over.wait)
+    library.start()
+    echo = emulate_module.click.echo
+
+    def said(text: str, **options: Any) -> None:
+        echo(text, **options)
+        if text.startswith("ready"):
+            signal.pthread_kill(library.ident, number)
+
+    monkeypatch.setattr(emulate_module.click, "echo", said)
+    try:
+        assert hm2("emulate", "7i92+7i77", "--listen", "127.0.0.1:0")[0] == 0
+    finally:
+        over.set()
+        library.join()
 
 
 @pytest.fixture

@@ -163,6 +163,12 @@ def test_a_line_that_is_none_is_named(text: str, line: int) -> None:
     assert caught.value.index == line
 
 
+@pytest.mark.parametrize("text", ["", dump.FIRST_LINE + "\n"])
+def test_a_file_without_a_line_of_a_dump_is_none(text: str) -> None:
+    with pytest.raises(errors.BrokenDump, match="no line of a dump"):
+        dump.from_text(text)
+
+
 def test_a_file_that_is_no_dump_names_the_file(tmp_path: Path) -> None:
     path = tmp_path / "x.hm2dump"
     path.write_bytes(b"\xff\xfe\x00")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import signal
-from collections.abc import Iterator
+import socket
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -100,11 +101,8 @@ def emulate(
     changes: dict[str, Any] = {key: value for key, value in given.items() if value}
     words = dump.load(spec).idrom_words() if spec.endswith(".hm2dump") else None
     facts = replace(_described(words) if words else description(spec), **changes)
-    # before any thread exists: the threads inherit it, so that only sigwait below sees these
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     with contextlib.ExitStack() as stack:
-        # else whatever this process starts later would be deaf to them
-        stack.callback(signal.pthread_sigmask, signal.SIG_SETMASK, before)
+        until_told = stack.enter_context(_told_to_end())
         board = EmulatedBoard(words or spec, clock="real", firmware=firmware)
         server = EthernetServer(
             board,
@@ -125,7 +123,32 @@ def emulate(
         if not server.is_loopback:
             click.echo(f"hm2: whoever reaches {listen[0]} can drive this card", err=True)
         click.echo(f"ready udp://{server.host}:{server.port} {spec}")
-        signal.sigwait({signal.SIGINT, signal.SIGTERM})
+        until_told()
+
+
+@contextlib.contextmanager
+def _told_to_end() -> Iterator[Callable[[], None]]:
+    """What waits for SIGINT or SIGTERM. They count from here on, whichever thread they reach.
+
+    Threads of libraries take signals, too; only the handler in C, which writes to the socket, runs there.
+    """
+    hear, tell = socket.socketpair()
+    tell.setblocking(False)
+    handlers = {number: signal.signal(number, lambda *_: None) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = signal.set_wakeup_fd(tell.fileno(), warn_on_full_buffer=False)
+
+    def wait() -> None:
+        while hear.recv(1)[0] not in handlers:
+            pass
+
+    try:
+        yield wait
+    finally:
+        signal.set_wakeup_fd(before)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        hear.close()
+        tell.close()
 
 
 @click.group()

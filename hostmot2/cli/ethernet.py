@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -15,10 +15,12 @@ from hostmot2.bitfile import Bitfile, read_bitfile
 from hostmot2.cli.adapters import report_adapters
 from hostmot2.cli.progress import stages
 from hostmot2.cli.session import Session, reports, rows
+from hostmot2.errors import BoardError
 from hostmot2.ethernet import EthernetService, Flash, discover
 from hostmot2.ethernet.discovery import DEFAULT_ADDRESSES
 from hostmot2.ethernet.service import JUMPERS
 from hostmot2.lbp16 import PORT
+from hostmot2.modules.driven import raise_if_driven
 from hostmot2.pci_cards import find_cards
 from hostmot2.transports.udp import UdpLink
 from hostmot2.whole_file import whole_file
@@ -34,6 +36,12 @@ def _link(session: Session) -> Iterator[UdpLink]:
         yield link
     finally:
         link.close()
+
+
+def _raise_if_driven(session: Session) -> None:
+    """CardBusy if another program drives the card; firmware that cannot be opened is driven by nobody."""
+    with suppress(BoardError), session.board(read_only=True) as board:
+        raise_if_driven(board)
 
 
 @click.command("discover")
@@ -142,7 +150,7 @@ def ip(session: Session, address: str | None, yes: bool) -> None:
 @click.option("--yes", is_flag=True, help="Do it: a reload switches all outputs off.")
 @reports
 def reload(session: Session, fallback: bool, engine: bool, yes: bool) -> None:
-    """Configure the FPGA anew from its flash; wait for the card.
+    """Configure the FPGA anew from its flash; wait for the card. Not while another program drives it.
 
     \b
     Examples:
@@ -153,6 +161,7 @@ def reload(session: Session, fallback: bool, engine: bool, yes: bool) -> None:
     if not yes:
         raise click.UsageError("a reload switches the card's outputs off: --yes")
     with _link(session) as link:
+        _raise_if_driven(session)
         service = EthernetService(link)
         if engine:
             service.reset()
@@ -241,7 +250,8 @@ def verify(session: Session, file: Path) -> None:
 def write(session: Session, file: Path, dry_run: bool, yes: bool) -> None:
     """Write an image to the user area and verify it.
 
-    It runs from the next `hm2 reload` or power-up.
+    It runs from the next `hm2 reload` or power-up. Not while another program drives the card: erasing stops
+    the card's answers for so long that its watchdog bites.
 
     \b
     Examples:
@@ -252,6 +262,8 @@ def write(session: Session, file: Path, dry_run: bool, yes: bool) -> None:
         raise click.UsageError("writing the flash needs --yes (or --dry-run)")
     image = _image(file)
     with _link(session) as link, stages() as advance:
+        if not dry_run:
+            _raise_if_driven(session)
         sectors = Flash(link).write(image, dry_run=dry_run, progress=advance)
     what = "would be written" if dry_run else "written and verified"
     document = {"sectors": sectors, "bytes": len(image.data), "dry_run": dry_run}
