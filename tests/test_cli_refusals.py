@@ -85,6 +85,15 @@ def test_a_stored_parameter_is_saved_under_either_name(command_line: CommandLine
         assert "would write NVKQP = 51" in out
 
 
+@pytest.mark.parametrize("command", [("wpd",), ("param", "set")])
+@pytest.mark.parametrize(("name", "lasts"), [("SWREVISION", False), ("KQP", True)])
+def test_whoever_writes_what_only_the_remote_sets_is_told(
+    command_line: CommandLine, command: tuple[str, ...], name: str, lasts: bool
+) -> None:
+    status, _, err = command_line(*command, name, "7", "--dry-run", *DRIVE)
+    assert (status, "is set by the remote itself" in err) == (0, not lasts)
+
+
 # ---- the frame around every command
 
 

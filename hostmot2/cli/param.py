@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from hostmot2.cli.parameter_text import document, in_unit, shown
+from hostmot2.cli.parameter_text import document, in_unit, shown, warn_if_read_only
 from hostmot2.cli.progress import stages
 from hostmot2.cli.remote_place import Place, parameters_in_place, parse_place, place_options
 from hostmot2.cli.serial_remote import HEX, port_options
@@ -180,6 +180,7 @@ def _changes(wanted: Iterable[tuple[Parameter, Number]], dry_run: bool) -> list[
     changes: list[dict[str, Any]] = []
     try:
         for parameter, value in wanted:
+            warn_if_read_only(parameter)
             changes.append(_change(parameter, value, dry_run))
     except BaseException as failure:
         if written := [change["said"] for change in changes if change["written"]]:

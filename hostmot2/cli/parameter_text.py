@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import click
+
 from hostmot2 import drive_8i20
 from hostmot2.fields import ParameterField
 from hostmot2.remotes.parameters import Number, Parameter
@@ -25,6 +27,12 @@ BAUDS = (
 """By the index in NVBAUDRATE (7I77 and 8I20 manuals, operate mode baud rate)."""
 
 _NO_UNITS = ("", "none")
+
+
+def warn_if_read_only(parameter: Parameter) -> None:
+    """Says on stderr that what is written to it does not last."""
+    if parameter.read_only:
+        click.echo(f"hm2: {parameter.name} is set by the remote itself", err=True)
 
 
 def in_unit(parameter: Parameter, value: Number) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from hostmot2.cli.parameter_text import document, in_unit, shown
+from hostmot2.cli.parameter_text import document, in_unit, shown, warn_if_read_only
 from hostmot2.cli.session import Session, reports
 from hostmot2.lbp import ExchangeStream, LbpRemote, WireLink, parameters
 from hostmot2.lbp.opening import SETUP_BAUD, open_remote
@@ -141,8 +141,7 @@ def wpd(
     """
     with remote_at(port, baud) as remote:
         parameter = parameters(remote).parameter(name)
-        if parameter.read_only:
-            click.echo(f"hm2: {parameter.name} is set by the remote itself", err=True)
+        warn_if_read_only(parameter)
         wanted = parameter.parse(value, hexadecimal=bool(hexadecimal))
         before = parameter.read()
         written = not dry_run and parameter.write(wanted)
