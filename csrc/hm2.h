@@ -1062,7 +1062,8 @@ void hm2_sserial_get_identity(const struct hm2_sserial *port, uint32_t channel, 
 /* How many process bits a channel moves: only registers that carry some are touched in the cycle. */
 int hm2_sserial_set_bits(struct hm2_sserial *port, uint32_t channel, uint32_t input_bits, uint32_t output_bits,
                          hm2_error *error);
-/* Bits of an input register that report faults of the remote (8I20: its FAULT word); mask 0: none. */
+/* Bits of an input register that report faults of the remote (8I20: its FAULT word), the lowest its
+ * watchdog; mask 0: none. */
 void hm2_sserial_watch(struct hm2_sserial *port, uint32_t channel, uint32_t input_register, uint32_t mask);
 hm2_sserial_image *hm2_sserial_get_image(struct hm2_sserial *port);
 /* Process data on the image's words: packed before each transfer, unpacked after it. Not owned; NULL: none. */
@@ -1418,7 +1419,7 @@ enum hm2_engine_overrun {
 #define HM2_OFF_OVERRUN 0x0010u  /* too many overruns in a row */
 #define HM2_OFF_BITE 0x0020u     /* the watchdog has bitten */
 #define HM2_OFF_PORT 0x0040u     /* an SSERIAL port was given up */
-#define HM2_OFF_FAULT 0x0080u    /* a remote reported a new fault */
+#define HM2_OFF_FAULT 0x0080u    /* a remote reported a new fault, or its watchdog has bitten */
 #define HM2_OFF_ERROR 0x0100u    /* an axis exceeded its following error */
 #define HM2_OFF_CONTROL 0x0200u  /* a controller's output is not a number */
 #define HM2_OFF_STOP 0x0400u     /* the engine is stopping */

@@ -265,6 +265,30 @@ def test_a_fault_of_a_remote_turns_outputs_off(board: Any, emulated: EmulatedBoa
         assert next(e.index for e in events if e.kind is EventKind.PORT_FAULT) == 1
 
 
+def test_outputs_stay_off_beside_a_remote_whose_watchdog_has_bitten(
+    board: Any, emulated: EmulatedBoard
+) -> None:
+    """Process data alone feeds it, so a pause between two runs is enough."""
+
+    def output(engine: Any) -> tuple[Off, object]:
+        engine.outputs["output"] = 8
+        engine.write()
+        return run(engine, 5).off, emulated.sserial[0].remote(0).get("output")
+
+    engine = board.engine()
+    with engine:
+        assert output(engine) == (0, 8)
+    board.pause(0.2)
+    for _ in range(2):  # an edge is seen once only
+        with engine:
+            assert Off.FAULT in output(engine)[0]
+            engine.enable()
+            assert output(engine) == (Off.FAULT, 0)
+    board.sserial.start(board.sserial.started).raise_for_failed()
+    with engine:
+        assert output(engine) == (0, 8)
+
+
 def test_lost_replies_fill_the_bucket_and_good_ones_empty_it(board: Any, emulated: EmulatedBoard) -> None:
     with board.engine(fault_bucket=(10, 1, 200)) as engine:
         run(engine, 5)

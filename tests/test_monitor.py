@@ -109,6 +109,15 @@ def test_a_card_whose_watchdog_is_fed_is_not_taken_over(monkeypatch: pytest.Monk
 # -- started
 
 
+def test_a_remote_whose_own_watchdog_has_bitten_is_told_with_what_helps(
+    source: Source, card: EmulatedBoard
+) -> None:
+    assert not any("bitten" in hint for hint in source.look().hints)
+    analog(card).fault = 0x01
+    source.look()
+    assert source.look().hints[0] == "Its own watchdog has bitten, start the monitor anew: 0.1."
+
+
 def test_channels_with_mode_state_and_counters(source: Source, card: EmulatedBoard) -> None:
     first, second, third = source.look().channels
     assert (first.name, first.unit_number, first.mode) == ("7I77", 0x12000001, "2 IO_Ana_FV")

@@ -24,6 +24,8 @@ from hostmot2.emulator.control import ask
 pytestmark = pytest.mark.slow
 PATIENCE = 40.0
 TRIES = 4
+STALLED = (b"Outputs went off", b"link given up")
+"""What a monitor says whose machine stood still for too long."""
 
 
 class Card:
@@ -68,9 +70,12 @@ class Terminal:
                     with self._lock:
                         self.written += data
 
-    def sees(self, text: str) -> None:
+    def sees(self, text: str, seconds: float = PATIENCE) -> None:
         """Wait until it has written that."""
-        until(lambda: text.encode() in self.written)
+        try:
+            until(lambda: text.encode() in self.written, seconds)
+        except AssertionError:
+            raise AssertionError(f"no {text!r} in {self.written[-3000:]!r}") from None
 
     def types(self, text: str) -> None:
         """Press keys."""
@@ -112,24 +117,25 @@ def started(card: Card, *options: str) -> Terminal:
 
 
 def armed(card: Card) -> Terminal:
-    """A monitor with an output on; once more where the machine stalled for 50 ms and the watchdogs bit."""
+    """A monitor with an output on; once more where the machine stalled and the monitor turned outputs off."""
     for _ in range(TRIES):
         terminal = started(card, "--allow-write")
         terminal.types("w")
         terminal.sees("to go on")
         terminal.types("arm\r")
-        terminal.sees("ARMED")
-        terminal.types("4")
-        time.sleep(0.5)
-        terminal.types("\x1b[B\r")
-        time.sleep(0.5)
-        terminal.types("3 on\r")
         with contextlib.suppress(AssertionError):
-            until(lambda: card.output == 8, 3.0)
+            terminal.sees("ARMED", 10.0)
+            terminal.types("4")
+            terminal.sees("[4 Bits]", 10.0)
+            terminal.types("\x1b[B\r")
+            terminal.sees("(bit 0 first)", 10.0)
+            terminal.types("3 on\r")
+            until(lambda: card.output == 8, 10.0)
             return terminal
+        assert any(why in terminal.written for why in STALLED), terminal.written[-9000:]
         os.kill(terminal.pid, signal.SIGKILL)
         terminal.ended()
-    pytest.skip(f"this machine stalled for longer than the card's watchdog waits, {TRIES} times")
+    pytest.skip(f"this machine stalled until the monitor turned outputs off, {TRIES} times")
 
 
 WAYS: dict[str, tuple[Callable[[Terminal], None], int]] = {

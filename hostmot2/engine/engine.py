@@ -46,7 +46,8 @@ class Engine(EngineView):
     Outputs are off until the first write(). They go off by themselves, everything zero and enables dropped,
     when write() has not come for `dead_man` seconds (0: never); when `stale_limit` exchanges in a row
     failed, or brought no result of a port that could be told from an older one; when the watchdog has
-    bitten; when a remote reports a fault; when a port's fault bucket (`fault_bucket`: added by a failed
+    bitten; when a remote reports a fault (its watchdog's holds until the remote is started anew: stop() the
+    engine, start the port, start() the engine); when a port's fault bucket (`fault_bucket`: added by a failed
     exchange with its remotes, taken off by a good one, limit) is full; when an axis exceeds its following
     error; after `overrun_limit` overruns in a row (0: never). The loop goes on, events() says why, and only
     enable() turns them on again. restart_ports: how often a port given up is started anew; its outputs stay

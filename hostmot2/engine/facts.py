@@ -27,7 +27,7 @@ class Off(IntFlag):
     PORT = lib.HM2_OFF_PORT
     """A smart-serial port was given up."""
     FAULT = lib.HM2_OFF_FAULT
-    """A remote has reported a new fault."""
+    """A remote has reported a new fault, or its watchdog has bitten: such a remote must be started anew."""
     ERROR = lib.HM2_OFF_ERROR
     """An axis has exceeded its following error."""
     CONTROL = lib.HM2_OFF_CONTROL

@@ -9,7 +9,7 @@ from hostmot2.elements import Bits, Elements, Value
 from hostmot2.engine import Frame
 from hostmot2.monitor.snapshot import BitsRow, ChannelRow, EncoderRow, ValueRow
 from hostmot2.monitor.watched import module_of
-from hostmot2.registers import Gtag
+from hostmot2.registers import Gtag, RemoteFault
 from hostmot2.registers import Watchdog as WatchdogRegisters
 from hostmot2.sserial import Channel, ChannelCounters, ChannelStatus
 
@@ -148,8 +148,8 @@ class Rows:
         left = timer / self._board.module(Gtag.WATCHDOG).clock
         return f"armed, {left * 1e3:.0f} ms left"
 
-    def hints(self) -> tuple[str, ...]:
-        """What this monitor would need to show more."""
+    def hints(self, frame: Frame) -> tuple[str, ...]:
+        """What this monitor would need to show or drive more."""
         if not self.has_sserial(self._board):
             return ()
         if not self._driving:
@@ -165,9 +165,19 @@ class Rows:
         others = [f"{label} {channel.name}" for label, channel in stopped if channel.name]
         return tuple(
             f"{what} {', '.join(which)}."
-            for what, which in (("No remote answers on", silent), ("Not started:", others))
+            for what, which in (
+                ("Its own watchdog has bitten, start the monitor anew:", self._cut_off(frame)),
+                ("No remote answers on", silent),
+                ("Not started:", others),
+            )
             if which
         )
+
+    def _cut_off(self, frame: Frame) -> list[str]:
+        """The remotes whose own watchdogs have bitten."""
+        labels = [f"{port}.{c.number}" for port, c in self._channels() if c.started]
+        words = {label: int(frame.inputs[f"sserial{label}.CS"]) for label in labels}
+        return [n for n in labels if RemoteFault.WATCHDOG in ChannelStatus(words[n]).remote_fault]
 
 
 def _width(value: Value) -> int:

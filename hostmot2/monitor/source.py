@@ -195,7 +195,7 @@ class Source:
             values=self._rows.values(frame),
             bits=self._rows.bits(frame),
             events=self._events.rows,
-            hints=self._rows.hints(),
+            hints=self._rows.hints(frame),
             recording=self.recordings.view,
             problem=problem,
         )

@@ -465,10 +465,39 @@ static void test_only_a_fault_of_the_remote_itself_turns_outputs_off(void)
 	CHECK_EQUAL(last_event(HM2_EVENT_PORT_FAULT).words[1], 0x04000000);
 	hm2_engine_enable(rig.engine);
 	CHECK_EQUAL(step(2).off, 0); /* not new */
-	hm2_sserial_watch(rig.mailbox.port, 0, 1, 0x80);
+	hm2_sserial_watch(rig.mailbox.port, 0, 1, 0xC0);
 	rig.mailbox.words[(USER0 + 0x100) / 4] = 0x80; /* the watched word of an 8I20 */
 	CHECK_EQUAL(step(2).off, HM2_OFF_FAULT);
 	CHECK_EQUAL(last_event(HM2_EVENT_PORT_FAULT).words[3], 0x80);
+	hm2_engine_enable(rig.engine);
+	CHECK_EQUAL(step(2).off, 0);
+	tear_down();
+}
+
+/* It takes no outputs until it is started anew, so enabling would be a promise that nobody keeps. */
+static void test_a_remote_whose_watchdog_has_bitten_keeps_outputs_off(void)
+{
+	const hm2_engine_config config = calm();
+	build(&config);
+	start_port();
+	rig.mailbox.words[CS / 4 + 1] = 0x01002000;
+	CHECK_EQUAL(step(2).off, HM2_OFF_FAULT);
+	hm2_engine_enable(rig.engine);
+	CHECK_EQUAL(step(2).off, HM2_OFF_FAULT);
+	rig.mailbox.words[CS / 4 + 1] = 0;
+	CHECK_EQUAL(step(2).off, HM2_OFF_FAULT);
+	hm2_engine_enable(rig.engine);
+	CHECK_EQUAL(step(2).off, 0);
+	hm2_sserial_watch(rig.mailbox.port, 0, 1, 0xC0);
+	rig.mailbox.words[(USER0 + 0x100) / 4] = 0x40; /* the lowest bit of an 8I20's word */
+	CHECK_EQUAL(step(2).off, HM2_OFF_FAULT);
+	hm2_engine_enable(rig.engine);
+	CHECK_EQUAL(step(2).off, HM2_OFF_FAULT);
+	rig.mailbox.words[CS / 4 + 2] = 0x01002000; /* no channel of the cycle */
+	rig.mailbox.words[(USER0 + 0x100) / 4] = 0;
+	step(2);
+	hm2_engine_enable(rig.engine);
+	CHECK_EQUAL(step(2).off, 0);
 	tear_down();
 }
 
@@ -648,6 +677,7 @@ int main(void)
 	test_hidden_results_of_before_do_not_count();
 	test_without_a_limit_a_port_is_never_given_up();
 	test_only_a_fault_of_the_remote_itself_turns_outputs_off();
+	test_a_remote_whose_watchdog_has_bitten_keeps_outputs_off();
 	test_a_port_is_lent_when_its_doit_is_over();
 	test_a_port_with_a_command_in_doubt_is_not_left_alone_for_ever();
 	test_a_lent_port_that_comes_back_without_its_channels_is_given_up();
