@@ -185,27 +185,21 @@ static void judge_gate(struct hm2_engine *engine)
 
 /* A remote whose watchdog has bitten takes no outputs until it is started anew: they would be on in name only. Other
  * faults are its user's to judge: a drive without bus voltage may need an output that switches it on. */
-static int has_bitten_remote(const struct engine_port *port)
+static int has_bitten(const struct sserial_channel *remote)
 {
-	for (uint32_t channel = 0; channel < CHANNELS; channel++) {
-		const struct sserial_channel *known = &port->port->channels[channel];
-		const uint32_t in_word = known->watch_mask & -known->watch_mask;
-		const uint32_t in_cs = HM2_REMOTE_FAULT_WATCHDOG << HM2_SSERIAL_CS_REMOTE_FAULT_LSB;
-		if (port->channels >> channel & 1 && (known->watch.faults & in_cs || known->watch.word & in_word))
-			return 1;
-	}
-	return 0;
+	const uint32_t in_cs = HM2_REMOTE_FAULT_WATCHDOG << HM2_SSERIAL_CS_REMOTE_FAULT_LSB;
+	const uint32_t in_word = remote->watch_mask & -remote->watch_mask; /* its lowest bit */
+	return remote->watch.faults & in_cs || remote->watch.word & in_word;
 }
 
-static void judge_remotes(struct hm2_engine *engine)
+static void judge_remotes(struct hm2_engine *engine, uint32_t number)
 {
-	for (uint32_t i = 0; i < engine->port_count; i++) {
-		const struct engine_port *port = &engine->ports[i];
-		if (engine->status.port_state[i] != HM2_PORT_RUNNING || port->leaving)
-			engine_off(engine, HM2_OFF_PORT);
-		if (has_bitten_remote(port))
+	const struct engine_port *port = &engine->ports[number];
+	if (engine->status.port_state[number] != HM2_PORT_RUNNING || port->leaving)
+		engine_off(engine, HM2_OFF_PORT);
+	for (uint32_t channel = 0; channel < CHANNELS; channel++)
+		if (port->channels >> channel & 1 && has_bitten(&port->port->channels[channel]))
 			engine_off(engine, HM2_OFF_FAULT);
-	}
 }
 
 /* Enabling looks at nothing but the request: what still holds turns outputs off again before they are sent. Requests are
@@ -237,7 +231,8 @@ void engine_judge_outputs(struct hm2_engine *engine)
 		engine_off(engine, HM2_OFF_STALE);
 	if (hm2_board_gate_is_shut(engine->board))
 		engine_off(engine, HM2_OFF_BITE);
-	judge_remotes(engine);
+	for (uint32_t i = 0; i < engine->port_count; i++)
+		judge_remotes(engine, i);
 }
 
 void engine_judge_time(struct hm2_engine *engine, int64_t missed)
