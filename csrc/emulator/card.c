@@ -154,6 +154,19 @@ void hm2_emulator_free(hm2_emulator *card)
 	free(card);
 }
 
+/* A module that has no such operation keeps its registers: what they are at a power-up no source says. */
+void card_power_up(struct hm2_emulator *card)
+{
+	CARD_HOLD(card);
+	hm2_emulator_sync(card);
+	card_identity_power_up(card);
+	for (int i = 0; i < card->module_count; i++)
+		if (card->modules[i].type->power_up)
+			card->modules[i].type->power_up(card->modules[i].self);
+	card->epoch++;
+	card_pins_changed(card);
+}
+
 static uint32_t read_word(struct hm2_emulator *card, uint32_t address, uint32_t *value)
 {
 	struct card_page page = card->pages[address >> 8];

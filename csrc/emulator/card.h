@@ -53,6 +53,8 @@ struct card_module_type {
 	/* What hangs on one of its input pins from outside; 0: nothing drives it. */
 	int (*outside)(void *self, int unit, int number, int *level);
 	void (*pins_changed)(void *self);  /* a pin's driver or an outside level changed */
+	/* The FPGA was configured anew: registers as at a power-up. What hangs on the pins stays. */
+	void (*power_up)(void *self);
 	int extra_registers; /* decoded behind those the descriptor counts */
 };
 
@@ -81,6 +83,7 @@ struct hm2_emulator {
 	int64_t real_origin_ns;
 	struct hm2_emulator_options options;
 	uint32_t idrom[CARD_IDROM_WORDS];
+	uint32_t configured_idrom[CARD_IDROM_WORDS]; /* as the firmware has it */
 	int idrom_writable;
 	int port_width;
 	int ports;
@@ -119,6 +122,7 @@ int card_identity_load(struct hm2_emulator *card, const uint32_t *idrom, size_t 
 uint32_t card_identity_read(struct hm2_emulator *card, uint32_t address, uint32_t *value);
 int card_identity_write(struct hm2_emulator *card, uint32_t address, uint32_t value);
 uint32_t card_idrom_field(const struct hm2_emulator *card, uint32_t offset);
+void card_identity_power_up(struct hm2_emulator *card);
 
 /* card.c */
 /* A part without registers that lives in the card's time: only advance, next_event, fire and destroy. */
@@ -129,5 +133,7 @@ int card_read_words(struct hm2_emulator *card, uint32_t address, uint32_t *words
 int card_write_words(struct hm2_emulator *card, uint32_t address, const uint32_t *words, size_t count,
                      hm2_error *error);
 struct card_module *card_find(struct hm2_emulator *card, uint8_t gtag);
+/* The FPGA is configured anew. */
+void card_power_up(struct hm2_emulator *card);
 
 #endif

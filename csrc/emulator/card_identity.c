@@ -42,6 +42,7 @@ int card_identity_load(struct hm2_emulator *card, const uint32_t *idrom, size_t 
 	if (words < 16 || words > CARD_IDROM_WORDS)
 		return bad(error, 0, CARD_IDROM_WORDS, (uint32_t)words);
 	memcpy(card->idrom, idrom, words * sizeof *idrom);
+	memcpy(card->configured_idrom, card->idrom, sizeof card->idrom);
 	uint32_t low = card_idrom_field(card, HM2_IDROM_CLOCK_LOW);
 	uint32_t high = card_idrom_field(card, HM2_IDROM_CLOCK_HIGH);
 	uint32_t ports = card_idrom_field(card, HM2_IDROM_IO_PORTS);
@@ -59,6 +60,13 @@ int card_identity_load(struct hm2_emulator *card, const uint32_t *idrom, size_t 
 	card->period_ps = (int64_t)((1000000000000u + low / 2) / low);
 	card->high_period_ps = (int64_t)((1000000000000u + high / 2) / high);
 	return load_pins(card, error);
+}
+
+void card_identity_power_up(struct hm2_emulator *card)
+{
+	memcpy(card->idrom, card->configured_idrom, sizeof card->idrom);
+	card->idrom_writable = 0;
+	card->led_latch = 0;
 }
 
 static uint32_t id_word(uint32_t address)

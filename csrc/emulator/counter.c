@@ -260,6 +260,12 @@ void counter_forget(struct counter *c)
 	c->next_tick = 0;
 }
 
+/* The lines are found anew: open ones rise together, which is a quadrature error. */
+void counter_power_up(struct counter *c)
+{
+	*c = (struct counter){.index = c->index, .has_probe = c->has_probe, .clock = c->clock, .index_mask = c->index_mask};
+}
+
 void counter_clear(struct counter *c)
 {
 	if (c->has_probe)

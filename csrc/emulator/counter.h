@@ -46,6 +46,7 @@ struct counter {
 void counter_advance(struct counter *counter, const struct counter_feed *feed,
                      const struct divider *filter, const struct divider *timestamp, int64_t to);
 void counter_forget(struct counter *counter); /* inputs or rates change: drop what was cached */
+void counter_power_up(struct counter *counter);
 void counter_clear(struct counter *counter);
 void counter_set_control(struct counter *counter, uint32_t value);
 uint32_t counter_value(const struct counter *counter);

@@ -215,6 +215,16 @@ void dpll_advance(struct dpll *d, int64_t to)
 
 /* ---- registers -------------------------------------------------------------------------------- */
 
+static void dpll_power_up(void *self)
+{
+	struct dpll *d = self;
+	*d = (struct dpll){.card = d->card, .clock = d->clock, .sync_pin = d->sync_pin, .sync_level = d->sync_level};
+	d->prescale_left = 256; /* both counters start at 0 */
+	d->filter_left = 65536;
+	memset(d->rise, 0xFF, sizeof d->rise);
+	memset(d->fall, 0xFF, sizeof d->fall);
+}
+
 static void *dpll_create(struct hm2_emulator *card, const struct card_descriptor *descriptor)
 {
 	(void)descriptor;
@@ -222,11 +232,8 @@ static void *dpll_create(struct hm2_emulator *card, const struct card_descriptor
 	if (d == NULL)
 		return NULL;
 	d->card = card;
-	d->prescale_left = 256; /* both counters start at 0 */
-	d->filter_left = 65536;
-	memset(d->rise, 0xFF, sizeof d->rise);
-	memset(d->fall, 0xFF, sizeof d->fall);
 	d->sync_pin = -1;
+	dpll_power_up(d);
 	for (int i = 0; i < card->pin_count; i++)
 		if (card->pins[i].tag == HM2_GTAG_DPLL && card->pins[i].number == HM2_DPLL_PIN_SYNC)
 			d->sync_pin = i;
@@ -352,4 +359,5 @@ const struct card_module_type dpll_type = {
 	.advance = advance,
 	.output = dpll_output,
 	.pins_changed = dpll_pins_changed,
+	.power_up = dpll_power_up,
 };

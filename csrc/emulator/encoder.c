@@ -105,6 +105,11 @@ static int encoder_write(void *self, int reg, uint32_t offset, uint32_t value)
 	return encoder_bank_write(self, reg, offset, value);
 }
 
+static void encoder_power_up(void *self)
+{
+	encoder_bank_power_up(self);
+}
+
 const struct card_module_type encoder_type = {
 	.create = encoder_create,
 	.destroy = encoder_destroy,
@@ -113,5 +118,6 @@ const struct card_module_type encoder_type = {
 	.advance = encoder_advance,
 	.outside = encoder_outside,
 	.pins_changed = encoder_pins_changed,
+	.power_up = encoder_power_up,
 	.extra_registers = 1,
 };

@@ -52,7 +52,8 @@ int encoder_bank_init(struct encoder_bank *bank, struct hm2_emulator *card,
 		return 0;
 	bank->first_wave = card->wave_count;
 	card->wave_count += bank->count;
-	bank->filter = (struct divider){FIRST_TICK, encoder_bank_period(reload & 0xFFF, RATE_BITS), 0};
+	bank->default_rate = reload & 0xFFF;
+	bank->filter = (struct divider){FIRST_TICK, encoder_bank_period(bank->default_rate, RATE_BITS), 0};
 	bank->timestamp = (struct divider){FIRST_TICK, encoder_bank_period(0, TIMESTAMP_BITS), 0};
 	for (int i = 0; i < bank->count; i++) {
 		bank->counters[i].index = i;
@@ -67,6 +68,16 @@ void encoder_bank_free(struct encoder_bank *bank)
 	free(bank->counters);
 	free(bank->mask_pins);
 	free(bank->latches);
+}
+
+void encoder_bank_power_up(struct encoder_bank *bank)
+{
+	bank->timestamp = (struct divider){bank->card->clock + FIRST_TICK, encoder_bank_period(0, TIMESTAMP_BITS), 0};
+	bank->timestamp_reload = 0;
+	bank->timer_select = 0;
+	bank->set_rate(bank, bank->default_rate);
+	for (int i = 0; i < bank->count; i++)
+		counter_power_up(&bank->counters[i]);
 }
 
 static void advance_counters(struct encoder_bank *bank, int64_t clock)

@@ -24,6 +24,7 @@ struct encoder_bank {
 	struct divider filter;
 	struct divider timestamp;
 	uint16_t timestamp_reload;
+	uint32_t default_rate;
 	int probe_pin;
 	uint8_t probe; /* COUNTER_PROBE or 0 */
 	int *mask_pins;
@@ -40,6 +41,7 @@ void encoder_bank_free(struct encoder_bank *bank);
 void encoder_bank_advance(struct encoder_bank *bank, int64_t clock);
 uint32_t encoder_bank_read(struct encoder_bank *bank, int reg, uint32_t offset, uint32_t *value);
 int encoder_bank_write(struct encoder_bank *bank, int reg, uint32_t offset, uint32_t value);
+void encoder_bank_power_up(struct encoder_bank *bank);
 void encoder_bank_pins_changed(struct encoder_bank *bank);
 void encoder_bank_forget(struct encoder_bank *bank);
 int64_t encoder_bank_period(uint32_t reload, int bits);

@@ -65,36 +65,9 @@ static int64_t card_wait_edge(void *self, int line, uint32_t timeout_us)
 	return -1;
 }
 
-static void write_all(struct hm2_emulator *card, const struct card_module *module, uint32_t reg, uint32_t value)
-{
-	const struct card_descriptor *descriptor = &module->descriptor;
-
-	for (uint32_t i = 0; i < descriptor->instances; i++)
-		hm2_emulator_write(card, descriptor->base + 0x100 * reg + i * descriptor->instance_stride, &value, 1,
-		                   &(hm2_error){0});
-}
-
-/* A newly configured FPGA: all that reaches the machine is off. Pins float, no function is connected to them,
- * the smart-serial links are stopped and the watchdog does not run. Registers that reach nothing without their
- * pins keep their values: no client can rely on them. */
 static void card_reload(void *self)
 {
-	struct hm2_emulator *card = self;
-
-	for (int i = 0; i < card->module_count; i++) {
-		const struct card_module *module = &card->modules[i];
-
-		if (module->descriptor.gtag == HM2_GTAG_IOPORT) {
-			for (uint32_t reg = HM2_IOPORT_DDR; reg <= HM2_IOPORT_OUTPUT_INVERT; reg++)
-				write_all(card, module, reg, 0);
-			write_all(card, module, HM2_IOPORT_DATA, 0);
-		} else if (module->descriptor.gtag == HM2_GTAG_SSERIAL || module->descriptor.gtag == HM2_GTAG_SSERIAL_B) {
-			write_all(card, module, HM2_SSERIAL_COMMAND, HM2_SSLBP_COMMAND_STOP);
-		} else if (module->descriptor.gtag == HM2_GTAG_WATCHDOG) {
-			write_all(card, module, HM2_WATCHDOG_TIMER, HM2_WATCHDOG_TIMER_STOPPED_MASK);
-			write_all(card, module, HM2_WATCHDOG_STATUS, 0);
-		}
-	}
+	card_power_up(self);
 }
 
 void hm2_ethernet_emulator(struct hm2_emulator *card, hm2_ethernet_card *out)

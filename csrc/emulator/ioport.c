@@ -1,6 +1,7 @@
 /* IOPort: output latches, direction, alternate source, open drain, invert, and the pads
  * (fact sheet registers.md 2.1, card observed 2). */
 #include <stdlib.h>
+#include <string.h>
 
 #include "card_modules.h"
 
@@ -159,6 +160,15 @@ void ioport_release(struct ioport *port)
 	card_pins_changed(port->card);
 }
 
+static void ioport_power_up(void *self)
+{
+	struct ioport *port = self;
+	uint32_t *const registers[] = {port->latch, port->ddr, port->alternate, port->open_drain, port->invert};
+	for (size_t i = 0; i < sizeof registers / sizeof *registers; i++)
+		memset(registers[i], 0, sizeof port->latch);
+	port->released = -1;
+}
+
 /* Only address bits 4..2 are decoded: the ports repeat every 32 bytes. */
 static int port_index(const struct ioport *port, uint32_t offset)
 {
@@ -196,4 +206,5 @@ const struct card_module_type ioport_type = {
 	.destroy = ioport_destroy,
 	.read = ioport_read,
 	.write = ioport_write,
+	.power_up = ioport_power_up,
 };

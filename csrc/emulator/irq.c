@@ -40,6 +40,15 @@ static void irq_destroy(void *self)
 	free(self);
 }
 
+static void irq_power_up(void *self)
+{
+	struct irq *irq = self;
+	irq->status = 0;
+	irq->selected = irq->card->clock;
+	irq->selection_falls = CARD_NEVER;
+	irq->flagged = -1;
+}
+
 static int source(const struct irq *irq)
 {
 	return (int)(irq->status >> SOURCE_LSB) & 7;
@@ -130,4 +139,5 @@ const struct card_module_type irq_type = {
 	.read = irq_read,
 	.write = irq_write,
 	.advance = irq_advance,
+	.power_up = irq_power_up,
 };

@@ -257,6 +257,11 @@ static int muxed_write(void *self, int reg, uint32_t offset, uint32_t value)
 	return encoder_bank_write(self, reg, offset, value);
 }
 
+static void muxed_power_up(void *self)
+{
+	encoder_bank_power_up(self);
+}
+
 const struct card_module_type muxed_encoder_type = {
 	.create = muxed_create,
 	.destroy = muxed_destroy,
@@ -265,6 +270,7 @@ const struct card_module_type muxed_encoder_type = {
 	.advance = muxed_advance,
 	.outside = muxed_outside,
 	.pins_changed = muxed_pins_changed,
+	.power_up = muxed_power_up,
 	.extra_registers = 1,
 };
 

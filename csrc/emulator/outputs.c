@@ -2,6 +2,7 @@
  * keeps its isolating transformers going, shows on the reference pin only: an output's pin shows whether
  * its relay conducts, which takes the carrier. */
 #include <stdlib.h>
+#include <string.h>
 
 #include "card_modules.h"
 
@@ -86,12 +87,20 @@ static int outputs_output(void *self, int unit, int number)
 	return carrier && ((outputs->data[unit] >> bit) & 1);
 }
 
+static void outputs_power_up(void *self)
+{
+	struct outputs *outputs = self;
+	memset(outputs->data, 0, sizeof outputs->data);
+	memset(outputs->rate, 0, sizeof outputs->rate);
+}
+
 const struct card_module_type ssr_type = {
 	.create = ssr_create,
 	.destroy = outputs_destroy,
 	.read = outputs_read,
 	.write = outputs_write,
 	.output = outputs_output,
+	.power_up = outputs_power_up,
 };
 
 const struct card_module_type outm_type = {
@@ -100,4 +109,5 @@ const struct card_module_type outm_type = {
 	.read = outputs_read,
 	.write = outputs_write,
 	.output = outputs_output,
+	.power_up = outputs_power_up,
 };

@@ -253,6 +253,21 @@ static void pwmgen_advance(void *self, int64_t clock)
 
 /* ---- registers and pins --------------------------------------------------------------------------- */
 
+static void forget(struct pwmgen *pwm, int64_t h)
+{
+	pwm->reference = pwm->slots = (struct rate){.since = h, .old_since = h, .due = CARD_NEVER};
+	for (int i = 0; i < pwm->count; i++)
+		pwm->units[i] = (struct generator){.value_request = CARD_NEVER, .value_due = CARD_NEVER,
+		                                   .mode_due = CARD_NEVER, .density_edge = h};
+	pwm->enable = 0;
+}
+
+static void pwmgen_power_up(void *self)
+{
+	struct pwmgen *pwm = self;
+	forget(pwm, edge_at(pwm, pwm->card->now_ps));
+}
+
 static void *pwmgen_create(struct hm2_emulator *card, const struct card_descriptor *descriptor)
 {
 	size_t count = descriptor->instances;
@@ -261,11 +276,7 @@ static void *pwmgen_create(struct hm2_emulator *card, const struct card_descript
 		return NULL;
 	pwm->card = card;
 	pwm->count = (int)count;
-	pwm->reference.due = pwm->slots.due = CARD_NEVER;
-	for (size_t i = 0; i < count; i++) {
-		struct generator *unit = &pwm->units[i];
-		unit->value_request = unit->value_due = unit->mode_due = CARD_NEVER;
-	}
+	forget(pwm, 0);
 	for (int i = 0; i < card->pin_count; i++)
 		if (card->pins[i].tag == HM2_GTAG_PWMGEN && card->pins[i].number == HM2_PWMGEN_PIN_NOT_ENABLE)
 			pwm->has_enable_pins = 1;
@@ -363,4 +374,5 @@ const struct card_module_type pwmgen_type = {
 	.write = pwmgen_write,
 	.advance = pwmgen_advance,
 	.output = pwmgen_output,
+	.power_up = pwmgen_power_up,
 };

@@ -186,6 +186,13 @@ size_t sserial_line_records(const struct card_module *module, int instance, hm2_
 	return hm2_sslbp_line_records(sserial->instances[instance].sslbp, records, capacity);
 }
 
+static void sserial_power_up(void *self)
+{
+	struct sserial *sserial = self;
+	for (int i = 0; i < sserial->count; i++)
+		hm2_sslbp_power_up(sserial->instances[i].sslbp);
+}
+
 const struct card_module_type sserial_type = {
 	.create = sserial_create,
 	.destroy = sserial_destroy,
@@ -193,4 +200,5 @@ const struct card_module_type sserial_type = {
 	.write = sserial_write,
 	.advance = sserial_advance,
 	.pins_changed = sserial_pins_changed,
+	.power_up = sserial_power_up,
 };

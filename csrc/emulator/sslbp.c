@@ -2,6 +2,7 @@
 #include "sslbp_state.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #define PICOSECONDS 1000000000000ll
 #define COMMAND_HELD HM2_SSLBP_COMMAND_RESET
@@ -21,6 +22,23 @@ static void release_processor(struct hm2_sslbp *s)
 	s->cpu = s->now;
 }
 
+void hm2_sslbp_power_up(struct hm2_sslbp *s)
+{
+	s->command = s->decoded = s->argument = 0;
+	s->doorbell = s->result = 0;
+	memset(s->written, 0, sizeof s->written);
+	memset(s->shown, 0, sizeof s->shown);
+	memset(s->ram, 0, sizeof s->ram);
+	memset(s->rom, 0, sizeof s->rom);
+	s->rom[ROM_WORDS - 1] = ROM_MARKER;
+	s->timer = (struct sslbp_timer){.origin = s->now + COST_TIMER_ORIGIN, .period = TIMER_POWER_UP_PERIOD,
+	                                .next_origin = NEVER, .next_period = TIMER_POWER_UP_PERIOD};
+	reset_processor(s);
+	release_processor(s);
+	if (!s->wire)
+		sslbp_run_instantly(s);
+}
+
 struct hm2_sslbp *hm2_sslbp_new(int channels, int data_registers, uint32_t clock_hz)
 {
 	if (channels < 1 || channels > MAX_CHANNELS || data_registers < 1 || data_registers > MAX_DATA_REGISTERS ||
@@ -34,14 +52,9 @@ struct hm2_sslbp *hm2_sslbp_new(int channels, int data_registers, uint32_t clock
 	s->clock_hz = clock_hz;
 	s->cycle_ps = (PICOSECONDS + clock_hz / 2) / clock_hz;
 	s->wire = 1;
-	s->rom[ROM_WORDS - 1] = ROM_MARKER;
-	s->timer.period = s->timer.next_period = TIMER_POWER_UP_PERIOD;
-	s->timer.origin = COST_TIMER_ORIGIN;
-	s->timer.next_origin = NEVER;
 	for (int c = 0; c < channels; c++)
 		s->uarts[c].receives = s->uarts[c].transmits = 1;
-	reset_processor(s);
-	release_processor(s);
+	hm2_sslbp_power_up(s);
 	return s;
 }
 

@@ -9,6 +9,8 @@ struct hm2_sslbp;
 /* channels 1..8; data_registers 3 (gtag C1) or 7 (C6); clock_hz of the SSERIAL processor (ClockMed). */
 struct hm2_sslbp *hm2_sslbp_new(int channels, int data_registers, uint32_t clock_hz);
 void hm2_sslbp_free(struct hm2_sslbp *sslbp);
+/* The FPGA was configured anew: nothing of before is left but what hangs on the lines. */
+void hm2_sslbp_power_up(struct hm2_sslbp *sslbp);
 /* The remote on a channel, or NULL for an idle line. Not owned. */
 void hm2_sslbp_attach(struct hm2_sslbp *sslbp, int channel, struct hm2_remote *remote);
 /* Whether the FPGA pins of the channel are switched to their secondary function (else: no contact). */

@@ -213,6 +213,15 @@ static void stepgen_pins_changed(void *self)
 	}
 }
 
+static void stepgen_power_up(void *self)
+{
+	struct stepgen *stepgen = self;
+	master_rate_write(&stepgen->master, stepgen->card->clock, 0);
+	stepgen->timer_select = 0;
+	for (int i = 0; i < stepgen->count; i++)
+		stepper_power_up(&stepgen->units[i]);
+}
+
 static int stepgen_output(void *self, int unit, int number)
 {
 	const struct stepgen *stepgen = self;
@@ -231,5 +240,6 @@ const struct card_module_type stepgen_type = {
 	.advance = stepgen_advance,
 	.output = stepgen_output,
 	.pins_changed = stepgen_pins_changed,
+	.power_up = stepgen_power_up,
 	.extra_registers = 1,
 };

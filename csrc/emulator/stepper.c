@@ -284,6 +284,11 @@ void stepper_write_accumulator(struct stepper *s, uint32_t value)
 	s->accumulator = sign_extend((int64_t)((uint64_t)value << 16) | (s->accumulator & 0xFFFF));
 }
 
+void stepper_power_up(struct stepper *s)
+{
+	*s = (struct stepper){.clock = s->clock, .latches = s->latches, .inputs = s->inputs};
+}
+
 void stepper_push_table(struct stepper *s, uint32_t word)
 {
 	for (int i = STEPPER_TABLE - 1; i > 0; i--)

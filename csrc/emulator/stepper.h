@@ -47,6 +47,8 @@ struct stepper {
 void master_rate_write(struct master_rate *master, int64_t now, uint32_t rate);
 void stepper_advance(struct stepper *stepper, const struct master_rate *master, int64_t to);
 void stepper_write_accumulator(struct stepper *stepper, uint32_t value);
+/* All registers 0; the levels of its inputs stay. */
+void stepper_power_up(struct stepper *stepper);
 void stepper_push_table(struct stepper *stepper, uint32_t word);
 /* What its pins show: bit 0 step, 1 direction, 2.. further table bits. */
 uint32_t stepper_outputs(const struct stepper *stepper, int swaps);

@@ -195,6 +195,13 @@ static int tp_pwm_output(void *self, int unit, int number)
 	return gate(pwm, bridge, gate_number % PHASES, gate_number >= PHASES);
 }
 
+static void tp_pwm_power_up(void *self)
+{
+	struct tp_pwm *pwm = self;
+	for (int i = 0; i < pwm->count; i++)
+		pwm->units[i].enable = 0;
+}
+
 const struct card_module_type tp_pwm_type = {
 	.create = tp_pwm_create,
 	.destroy = tp_pwm_destroy,
@@ -204,4 +211,5 @@ const struct card_module_type tp_pwm_type = {
 	.fire = tp_pwm_fire,
 	.output = tp_pwm_output,
 	.pins_changed = tp_pwm_pins_changed,
+	.power_up = tp_pwm_power_up,
 };

@@ -22,6 +22,16 @@ struct watchdog {
 	int64_t bitten;  /* the last clock that set status */
 };
 
+static void watchdog_power_up(void *self)
+{
+	struct watchdog *dog = self;
+	dog->counter = STOPPED;
+	dog->reload = 0;
+	dog->status = 1; /* the top bit starts at 1, its copy at 0: the first clock counts as a bite */
+	dog->bite = dog->release = CARD_NEVER;
+	dog->bitten = -1;
+}
+
 static void *watchdog_create(struct hm2_emulator *card, const struct card_descriptor *descriptor)
 {
 	(void)descriptor;
@@ -29,10 +39,7 @@ static void *watchdog_create(struct hm2_emulator *card, const struct card_descri
 	if (dog == NULL)
 		return NULL;
 	dog->card = card;
-	dog->counter = STOPPED;
-	dog->status = 1; /* the top bit starts at 1, its copy at 0: the first clock counts as a bite */
-	dog->bite = dog->release = CARD_NEVER;
-	dog->bitten = -1;
+	watchdog_power_up(dog);
 	return dog;
 }
 
@@ -123,4 +130,5 @@ const struct card_module_type watchdog_type = {
 	.advance = watchdog_advance,
 	.next_event = watchdog_next_event,
 	.fire = watchdog_fire,
+	.power_up = watchdog_power_up,
 };
