@@ -806,6 +806,7 @@ typedef struct hm2_ethernet_card {
 	 * Returns microseconds waited, or -1 when the time ran out. Without it every wait runs out. */
 	int64_t (*wait_edge)(void *self, int line, uint32_t timeout_us);
 	void (*pause_us)(void *self, int64_t us); /* let time pass; without it the engine's thread sleeps */
+	int64_t (*now_us)(void *self); /* the engine's clock; without it that of the machine */
 } hm2_ethernet_card;
 
 typedef struct hm2_ethernet_config {

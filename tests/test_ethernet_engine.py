@@ -103,6 +103,16 @@ def test_reload_boots_the_image_asked_for(efinix, fallback):
     assert engine.process(bytes.fromhex("01420001")) == bytes(4)  # registers are as at power-up
 
 
+@pytest.mark.parametrize("rubbish", ["01d91e000400 01d91e000c00", "01420001", "01d110003412", "80420001"])
+def test_behind_the_words_that_reload_nothing_of_a_packet_counts(rubbish):
+    """mesaflash sends 72 bytes of whatever its memory holds behind an Efinix card's two words."""
+    engine = card(efinix=True, reload_us=0)
+    words = reload_request(flash_layout.efinix_reload_words(False))
+    assert engine.process(words + bytes.fromhex(rubbish)) is None, "the engine that would answer is gone"
+    assert engine.image == "user"
+    assert [engine.peek(4, 0x10), engine.peek(6, 0), engine.peek(6, 2)] == [0, 0, 0]
+
+
 def test_reload_falls_back_when_the_user_image_is_gone_and_dies_without_any():
     engine = card()
     engine.flash_write(0x100000, b"\xff" * 64)
@@ -143,6 +153,46 @@ def test_page_program_wraps_inside_its_page():
     assert engine.flash_read(0x20200, 0x100) == b"\xff" * 0x100
 
 
+@pytest.mark.parametrize(
+    ("request_", "counter"),
+    [
+        ("02d10001 1234", 4),  # space 4, two words wanted and one there
+        ("02d10001", 4),
+        ("02c10001 1234", 2),  # space 0 has no 16-bit words
+        ("01c10001", 2),
+        ("01c80001 12", 2),  # 8-bit
+        ("01d50000", 2),  # space 5
+    ],
+)
+def test_what_the_parser_refuses_is_a_parse_error_even_if_data_are_missing(request_, counter):
+    """Hardware does not notice missing data; what it does notice comes first."""
+    engine = card()
+    assert engine.process(bytes.fromhex(request_)) is None
+    assert [engine.peek(6, word) for word in (2, 4, 6)] == [int(counter == word) for word in (2, 4, 6)]
+
+
+def test_an_erase_that_takes_more_than_3_seconds_is_a_write_error():
+    """The engine polls the part that long; what it does meanwhile nobody knows, so the reply is lost."""
+    request = bytes.fromhex("01d91a00035a 01ce0c0000000000 014e0000")
+    with EmulatedBoard("7i92+7i77", clock="virtual") as board:
+        for erase_us, errors in ((2_900_000, 0), (3_100_000, 1)):
+            facts = EthernetDescription("7I92", **{**QUICK, "erase_us": erase_us})
+            engine = EthernetCard(facts, board)
+            before = board.now_us
+            assert (engine.process(request) is None) == bool(errors)
+            assert board.now_us - before == min(erase_us, 3_000_000)
+            assert (engine.peek(6, 0), engine.peek(6, 6)) == (4 * errors, errors)
+
+
+def test_a_reset_taken_back_in_the_same_packet_is_none():
+    """The word is looked at when the packet is done."""
+    engine = card(restart_us=0)
+    engine.process(bytes.fromhex("01d110003412 01d91c000100 01d91c000000"))
+    assert engine.peek(4, 0x10) == 0x1234
+    engine.process(bytes.fromhex("01d91c000100"))
+    assert engine.peek(4, 0x10) == 0
+
+
 def test_a_reply_too_big_is_dropped_and_counted():
     engine = card()
     whole, one = bytes.fromhex("ff420000"), bytes.fromhex("81420000")
@@ -171,6 +221,23 @@ def test_microsecond_stamp_runs_and_waiting_takes_its_time():
     engine = card()
     (before, after) = struct.unpack("<HH", engine.process(bytes.fromhex("01510000 01d10200d007 01510000")))
     assert (after - before) % 0x10000 >= 2000
+
+
+def test_the_engine_keeps_the_time_of_a_card_with_a_virtual_clock():
+    with EmulatedBoard("7i92+7i77", clock="virtual") as board:
+        engine = EthernetCard(EthernetDescription("7I92", restart_us=100_000), board)
+        stamps = struct.unpack(
+            "<HHH", engine.process(bytes.fromhex("01510000 01d10200d007 01510000 015d1800"))
+        )
+        assert (stamps[1] - stamps[0]) % 0x10000 == 2000
+        assert stamps[2] == stamps[0], "the packet came in when its first command ran"
+        board.advance(500.0)
+        assert engine.process(bytes.fromhex("01510000")) == struct.pack("<H", stamps[1] + 500)
+        engine.process(bytes.fromhex("01d91c000100"))
+        board.advance(99_999.0)
+        assert engine.process(bytes.fromhex("01420001")) is None
+        board.advance(2.0)
+        assert engine.process(bytes.fromhex("01420001")) == bytes.fromhex("fecaaa55")
 
 
 def test_space_0_wraps_at_64_kib():

@@ -14,6 +14,11 @@ int64_t ethernet_now_us(void)
 	return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
 }
 
+int64_t ethernet_time_us(const struct hm2_ethernet *ethernet)
+{
+	return ethernet->card.now_us ? ethernet->card.now_us(ethernet->card.self) : ethernet_now_us();
+}
+
 static void enter(struct hm2_ethernet *ethernet)
 {
 	if (ethernet->card.enter)
@@ -83,7 +88,6 @@ static void restart(struct hm2_ethernet *ethernet)
 	ethernet->information[HM2_LBP16_BOARD_JUMPERS / 2] = ethernet->config.jumpers;
 	ethernet->status[STATUS_LED_MODE] = ethernet->eeprom[HM2_LBP16_EEPROM_LED_MODE / 2];
 	ethernet->status[STATUS_LED_POINTER] = HM2_LBP16_CONTROL_RX_PACKETS;
-	ethernet->reset_requested = 0;
 	ethernet->reload_requested = 0;
 }
 
@@ -257,7 +261,7 @@ static int run(struct hm2_ethernet *ethernet, const hm2_lbp16_command *command, 
 		return 0;
 	}
 	address = *pointer;
-	for (unsigned i = 0; i < command->count; i++) {
+	for (unsigned i = 0; i < command->count && !ethernet->reload_requested; i++) {
 		uint32_t value = command->write ? get_element(data + i * size, size) : 0;
 		const int fault = element(ethernet, command, address, &value);
 
@@ -273,7 +277,7 @@ static int run(struct hm2_ethernet *ethernet, const hm2_lbp16_command *command, 
 	return 0;
 }
 
-/* All commands in order until the first error: 0, or the error's bit. */
+/* All commands in order until the first error, or until the FPGA reloads: 0, or the error's bit. */
 static int run_packet(struct hm2_ethernet *ethernet, const uint8_t *request, size_t length, uint8_t *reply,
                       size_t *reply_length)
 {
@@ -281,14 +285,14 @@ static int run_packet(struct hm2_ethernet *ethernet, const uint8_t *request, siz
 	const uint8_t *data;
 	size_t offset = 0;
 
-	while (offset < length) {
+	while (offset < length && !ethernet->reload_requested) {
 		const int status = hm2_lbp16_next(request, length, &offset, &command, &data);
 		int fault;
 
-		if (status == HM2_ERR_RANGE)
-			return HM2_LBP16_ERROR_MEMORY; /* hardware would write stale buffer bytes */
-		if (status != HM2_OK || !width_allowed(&command))
+		if (status == HM2_ERR_FORMAT || !width_allowed(&command))
 			return HM2_LBP16_ERROR_PARSE;
+		if (status != HM2_OK)
+			return HM2_LBP16_ERROR_MEMORY; /* hardware would write stale buffer bytes */
 		fault = run(ethernet, &command, data, reply, reply_length);
 		if (fault)
 			return fault;
@@ -313,10 +317,10 @@ static void end_packet(struct hm2_ethernet *ethernet)
 	ethernet->status[STATUS_KEY] = 0;
 	if (ethernet->reload_requested) {
 		configure_fpga(ethernet, ethernet->reload_address);
-		ethernet->quiet_until_us = ethernet_now_us() + ethernet->config.reload_us;
-	} else if (ethernet->reset_requested) {
+		ethernet->quiet_until_us = ethernet_time_us(ethernet) + ethernet->config.reload_us;
+	} else if (ethernet->status[STATUS_RESET]) {
 		restart(ethernet);
-		ethernet->quiet_until_us = ethernet_now_us() + ethernet->config.restart_us;
+		ethernet->quiet_until_us = ethernet_time_us(ethernet) + ethernet->config.restart_us;
 	}
 }
 
@@ -328,10 +332,10 @@ static size_t packet(struct hm2_ethernet *ethernet, const uint8_t *request, size
 	ethernet->status[STATUS_RX_ALL]++;
 	ethernet->information[HM2_LBP16_BOARD_RX_START / 2] = ethernet->information[HM2_LBP16_BOARD_RX_END / 2] = (uint16_t)start;
 	fault = run_packet(ethernet, request, length & ~(size_t)1, reply, &reply_length);
-	if (fault) {
+	if (fault)
 		count_error(ethernet, fault);
+	if (fault || ethernet->reload_requested)
 		return 0;
-	}
 	ethernet->status[STATUS_RX_LBP]++;
 	if (reply_length > HM2_LBP16_MAX_PAYLOAD) {
 		ethernet->status[STATUS_ERRORS] |= HM2_LBP16_ERROR_TX_SIZE;
@@ -347,7 +351,7 @@ static size_t packet(struct hm2_ethernet *ethernet, const uint8_t *request, size
 
 void ethernet_sent(struct hm2_ethernet *ethernet)
 {
-	const uint16_t now = (uint16_t)ethernet_now_us();
+	const uint16_t now = (uint16_t)ethernet_time_us(ethernet);
 	uint16_t *information = ethernet->information;
 
 	pthread_mutex_lock(&ethernet->mutex);
@@ -358,7 +362,7 @@ void ethernet_sent(struct hm2_ethernet *ethernet)
 
 size_t ethernet_handle(struct hm2_ethernet *ethernet, const uint8_t *request, size_t length, uint8_t *reply)
 {
-	const int64_t start = ethernet_now_us();
+	const int64_t start = ethernet_time_us(ethernet);
 	size_t reply_length = 0;
 
 	pthread_mutex_lock(&ethernet->mutex);

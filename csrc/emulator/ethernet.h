@@ -67,12 +67,12 @@ struct hm2_ethernet {
 	struct ethernet_icap icap;
 	int64_t quiet_until_us; /* restarting: frames are lost */
 	int image;
-	uint8_t reset_requested;
 	uint8_t reload_requested;
 	uint32_t reload_address;
 };
 
-int64_t ethernet_now_us(void);
+int64_t ethernet_now_us(void); /* of the machine and its network */
+int64_t ethernet_time_us(const struct hm2_ethernet *ethernet); /* the engine's own */
 /* hm2_ethernet_process in two halves, so that the reply need not wait for its own time stamps. */
 size_t ethernet_handle(struct hm2_ethernet *ethernet, const uint8_t *request, size_t length, uint8_t *reply);
 void ethernet_sent(struct hm2_ethernet *ethernet);

@@ -39,6 +39,11 @@ static void card_pause_us(void *self, int64_t us)
 	card_touch(self);
 }
 
+static int64_t card_now_us(void *self)
+{
+	return hm2_emulator_now_ps(self) / 1000000;
+}
+
 /* A moment in which the card is held: whoever else wants it comes between two of them. */
 static int64_t last_edge(struct hm2_emulator *card, int line, int64_t *now_ps)
 {
@@ -81,5 +86,6 @@ void hm2_ethernet_emulator(struct hm2_emulator *card, hm2_ethernet_card *out)
 		.reload = card_reload,
 		.wait_edge = card_wait_edge,
 		.pause_us = card_pause_us,
+		.now_us = card->options.clock == HM2_CLOCK_VIRTUAL ? card_now_us : NULL,
 	};
 }

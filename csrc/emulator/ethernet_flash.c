@@ -7,6 +7,7 @@
 
 #define SECTOR 0x10000u
 #define PAGE 0x100u
+#define ERASE_LIMIT_US 3000000u /* so long the engine asks the part whether it is done */
 #define SYNC_SEARCH 64 /* a configuration stream's sync word comes within its first bytes */
 
 int ethernet_flash_init(struct ethernet_flash *flash, uint8_t id)
@@ -74,14 +75,16 @@ static uint32_t stream_read(struct ethernet_flash *flash)
 	return value;
 }
 
-static void erase(struct hm2_ethernet *ethernet)
+static int erase(struct hm2_ethernet *ethernet)
 {
+	const uint32_t time_us = ethernet->config.erase_us;
 	struct ethernet_flash *flash = &ethernet->flash;
 
 	finish_stream(flash);
 	memset(flash->bytes + (flash->address & (flash->size - 1) & ~(SECTOR - 1)), 0xFF, SECTOR);
-	if (ethernet->config.erase_us)
-		ethernet_wait_us(ethernet, ethernet->config.erase_us);
+	if (time_us)
+		ethernet_wait_us(ethernet, time_us < ERASE_LIMIT_US ? time_us : ERASE_LIMIT_US);
+	return time_us > ERASE_LIMIT_US ? HM2_LBP16_ERROR_WRITE : 0;
 }
 
 int ethernet_flash_access_read(struct hm2_ethernet *ethernet, uint16_t address, uint32_t *value)
@@ -119,10 +122,9 @@ int ethernet_flash_access_write(struct hm2_ethernet *ethernet, uint16_t address,
 	case HM2_LBP16_FLASH_ERASE:
 		if (!unlocked)
 			return HM2_LBP16_ERROR_WRITE;
-		if (address == HM2_LBP16_FLASH_DATA)
-			program(flash, value);
-		else
-			erase(ethernet);
+		if (address == HM2_LBP16_FLASH_ERASE)
+			return erase(ethernet);
+		program(flash, value);
 		return 0;
 	case HM2_LBP16_FLASH_ID:
 		return HM2_LBP16_ERROR_WRITE;

@@ -20,7 +20,7 @@ int ethernet_timer_read(struct hm2_ethernet *ethernet, uint16_t address, uint32_
 {
 	address &= 0x1E;
 	if (address == HM2_LBP16_TIMER_TIMESTAMP)
-		*value = (uint16_t)ethernet_now_us();
+		*value = (uint16_t)ethernet_time_us(ethernet);
 	else if (address >= HM2_LBP16_TIMER_WAIT_REFERENCE && address <= HM2_LBP16_TIMER_WAIT_TIMER_4)
 		*value = wait_line(ethernet, address);
 	else
@@ -54,8 +54,6 @@ int ethernet_status_write(struct hm2_ethernet *ethernet, uint16_t address, uint3
 	const unsigned word = address / 2;
 
 	ethernet->status[word] = (uint16_t)value;
-	if (word == STATUS_RESET && value)
-		ethernet->reset_requested = 1;
 	if (word == STATUS_ICAP && ethernet->config.firmware_version >= 15)
 		ethernet_icap_write(ethernet, (uint16_t)value);
 	return 0;
