@@ -82,8 +82,7 @@ static void trip(const struct tp_pwm *pwm, struct bridge *bridge)
 {
 	if (bridge->fault_since == CARD_NEVER || pwm->card->clock < bridge->fault_since + FAULT_FILTER)
 		return;
-	if (bridge->enable & HM2_TP_PWM_ENABLE_ENABLE_MASK)
-		bridge->enable = HM2_TP_PWM_ENABLE_FAULT_MASK;
+	bridge->enable = HM2_TP_PWM_ENABLE_FAULT_MASK;
 }
 
 static void tp_pwm_pins_changed(void *self)
@@ -93,14 +92,13 @@ static void tp_pwm_pins_changed(void *self)
 		look_at_fault(pwm, &pwm->units[i]);
 }
 
-/* With bridges that are off an active fault changes nothing. */
 static int64_t tp_pwm_next_event(void *self)
 {
 	const struct tp_pwm *pwm = self;
 	int64_t next = CARD_NEVER;
 	for (int i = 0; i < pwm->count; i++) {
 		const struct bridge *bridge = &pwm->units[i];
-		if (bridge->fault_since == CARD_NEVER || !(bridge->enable & HM2_TP_PWM_ENABLE_ENABLE_MASK))
+		if (bridge->fault_since == CARD_NEVER || bridge->enable == HM2_TP_PWM_ENABLE_FAULT_MASK)
 			continue;
 		if (bridge->fault_since + FAULT_FILTER < next)
 			next = bridge->fault_since + FAULT_FILTER;
@@ -199,7 +197,10 @@ static void tp_pwm_power_up(void *self)
 {
 	struct tp_pwm *pwm = self;
 	for (int i = 0; i < pwm->count; i++)
-		pwm->units[i].enable = 0;
+		pwm->units[i] = (struct bridge){.fault_pin = pwm->units[i].fault_pin, .fault_since = CARD_NEVER};
+	pwm->rate = 0;
+	pwm->sum = 0;
+	pwm->since = high_edge(pwm);
 }
 
 const struct card_module_type tp_pwm_type = {

@@ -109,7 +109,7 @@ class TpPwm:
 
     @property
     def fault(self) -> bool:
-        """Whether a fault has switched the gates off since they were enabled, as of the last exchange."""
+        """Whether a fault keeps the gates off, or has switched them off, as of the last exchange."""
         return bool(Registers.enable.fault.get(self._all.status[self.index]))
 
     @property

@@ -12,6 +12,7 @@ import hostmot2
 from hostmot2 import errors
 from hostmot2.board import Board
 from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.emulator.ethernet import EthernetCard, EthernetDescription
 from tests.modules.module_card import CLOCK_HIGH, ModuleWords, module_card, pin, written
 from tests.modules.waveform import high_time
 
@@ -199,6 +200,32 @@ def test_enabling_with_a_fault_present_refuses(board: Board, emulated: EmulatedB
     assert not board.tp_pwms[0].enable
     board.tp_pwms[0].fault_is_high = True
     board.tp_pwms[0].enable = True
+
+
+def test_an_active_fault_sets_the_flag_of_a_bridge_that_is_off_too() -> None:
+    emulated = EmulatedBoard(CARD, clock="virtual")
+    emulated.pin(FAULT).drive(0)
+    emulated.advance_clocks(6)
+    assert emulated.read(ENABLE) == 0, "filtered for seven clocks"
+    emulated.advance_clocks(2)
+    assert [emulated.read(ENABLE), emulated.read(ENABLE + 4)] == [2, 0]
+    emulated.write(ENABLE, 0)
+    assert emulated.read(ENABLE) == 2, "the fault is still there"
+    emulated.pin(FAULT).drive(1)
+    emulated.advance_clocks(100)
+    assert emulated.read(ENABLE) == 2, "kept"
+    emulated.write(ENABLE, 0)
+    assert emulated.read(ENABLE) == 0
+
+
+def test_a_fault_outlasts_a_reload_of_the_fpga() -> None:
+    emulated = EmulatedBoard(CARD, clock="virtual")
+    emulated.pin(FAULT).drive(0)
+    emulated.advance_clocks(100)
+    EthernetCard(EthernetDescription("7I92"), emulated).power_up()
+    assert emulated.read(ENABLE) == 0
+    emulated.advance_clocks(8)
+    assert (emulated.read(ENABLE), emulated.clocks) == (2, 108)
 
 
 def test_the_frequency_is_not_changed_under_way(board: Board) -> None:
