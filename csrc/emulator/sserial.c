@@ -7,6 +7,7 @@
 #define MAX_INSTANCES 4
 #define MAX_CHANNELS 8
 #define NO_PIN (-1)
+#define TRANSMIT 0x80 /* of a pin's number, beside its channel + 1 */
 
 struct line {
 	int receive_pin;
@@ -48,7 +49,7 @@ static void find_pins(struct sserial *sserial, uint8_t gtag, int unit)
 			continue;
 		if ((pin->number & 0xF0) == 0x00)
 			instance->lines[channel].receive_pin = i;
-		else if ((pin->number & 0xF0) == 0x80)
+		else if ((pin->number & 0xF0) == TRANSMIT)
 			instance->lines[channel].transmit_pin = i;
 		else if ((pin->number & 0xF0) == 0x90)
 			instance->lines[channel].enable_pin = i;
@@ -157,6 +158,17 @@ static void sserial_pins_changed(void *self)
 	}
 }
 
+/* What a transmit enable shows no source says. */
+static int sserial_output(void *self, int unit, int number)
+{
+	const struct sserial *sserial = self;
+	int channel = (number & 0x0F) - 1;
+	if (unit >= sserial->count || (number & 0xF0) != TRANSMIT || channel < 0 ||
+	    channel >= sserial->instances[unit].channels)
+		return 0;
+	return hm2_sslbp_transmit_level(sserial->instances[unit].sslbp, channel, sserial->card->now_ps);
+}
+
 int sserial_attach(const struct card_module *module, int instance, int channel, struct hm2_remote *remote,
                    int through_pins)
 {
@@ -199,6 +211,7 @@ const struct card_module_type sserial_type = {
 	.read = sserial_read,
 	.write = sserial_write,
 	.advance = sserial_advance,
+	.output = sserial_output,
 	.pins_changed = sserial_pins_changed,
 	.power_up = sserial_power_up,
 };

@@ -33,6 +33,8 @@ void hm2_sslbp_power_up(struct hm2_sslbp *s)
 	s->rom[ROM_WORDS - 1] = ROM_MARKER;
 	s->timer = (struct sslbp_timer){.origin = s->now + COST_TIMER_ORIGIN, .period = TIMER_POWER_UP_PERIOD,
 	                                .next_origin = NEVER, .next_period = TIMER_POWER_UP_PERIOD};
+	for (int c = 0; c < s->channels; c++)
+		s->uarts[c].awake = 0;
 	reset_processor(s);
 	release_processor(s);
 	if (!s->wire)

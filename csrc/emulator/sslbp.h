@@ -17,6 +17,8 @@ void hm2_sslbp_attach(struct hm2_sslbp *sslbp, int channel, struct hm2_remote *r
 void hm2_sslbp_connect(struct hm2_sslbp *sslbp, int channel, int receive, int transmit);
 /* With wire off a command's whole effect has happened when its write returns (see ARCHITECTURE.md). */
 void hm2_sslbp_set_wire(struct hm2_sslbp *sslbp, int on);
+/* What the line to the remote shows: bytes on it, high between them. */
+int hm2_sslbp_transmit_level(const struct hm2_sslbp *sslbp, int channel, int64_t now_ps);
 /* Run up to now_ps (never backwards). Reads and writes act at the time last advanced to. */
 void hm2_sslbp_advance(struct hm2_sslbp *sslbp, int64_t now_ps);
 /* reg: register number (0 COMMAND, 1 DATA, 2 CS, 3.. interface data); channel for CS and data. */

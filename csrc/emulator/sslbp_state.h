@@ -27,6 +27,7 @@ struct sslbp_uart {
 	uint8_t rx[FIFO_SIZE];
 	unsigned rx_count;
 	uint8_t broken;   /* a stop bit was low */
+	uint8_t awake;    /* a rate has been loaded since the power-up */
 	int64_t bit_ps;   /* 0: no rate loaded */
 	int64_t pitch;    /* from byte to byte */
 	uint8_t receives, transmits;

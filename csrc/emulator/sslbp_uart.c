@@ -6,12 +6,14 @@
 #include <string.h>
 
 #define ACCUMULATOR_BITS 20
+#define STOP_BIT (1 << (BITS_PER_BYTE - 1))
 
 void sslbp_uart_set_rate(struct hm2_sslbp *s, int channel, uint32_t baud)
 {
 	struct sslbp_uart *uart = &s->uarts[channel];
 	uint64_t increment = ((uint64_t)baud << ACCUMULATOR_BITS) / s->clock_hz & ((1u << ACCUMULATOR_BITS) - 1);
 	uart->bit_ps = 0;
+	uart->awake = 1;
 	if (increment == 0)
 		return;
 	uint64_t byte_cycles = (((uint64_t)BITS_PER_BYTE << ACCUMULATOR_BITS) + increment - 1) / increment;
@@ -32,6 +34,19 @@ void sslbp_uart_reset(struct hm2_sslbp *s, int channel)
 	uart->tx_count = 0;
 	uart->tx_free = uart->tx_emptied = 0;
 	uart->bit_ps = 0;
+}
+
+/* Before it is awake it shows 0, as one without a clock does; later it rests high. */
+int hm2_sslbp_transmit_level(const struct hm2_sslbp *sslbp, int channel, int64_t now_ps)
+{
+	const struct sslbp_uart *uart = &sslbp->uarts[channel];
+	for (unsigned i = 0; i < uart->tx_count; i++) {
+		const hm2_line_byte *byte = &uart->tx[(uart->tx_head + i) % TX_RING];
+		const int64_t since = now_ps - byte->start_ps;
+		if (since >= 0 && since < BITS_PER_BYTE * byte->bit_ps)
+			return ((byte->value << 1 | STOP_BIT) >> (since / byte->bit_ps)) & 1;
+	}
+	return uart->awake;
 }
 
 static void record(struct hm2_sslbp *s, const struct sslbp_uart *uart, const hm2_line_byte *byte, int to_remote)

@@ -86,6 +86,30 @@ def test_the_daughter_cards_remotes_need_switched_pins() -> None:
     assert start(card, 0x03) & 0x03 == 0x01
 
 
+def test_a_transmit_line_is_high_between_bytes_and_shows_their_bits() -> None:
+    card = board()
+    for address, value in SWITCH_7I77:
+        card.write(address, value)
+    assert [card.pin(n).level for n in (1, 3, 5)] == ["0"] * 3, "no rate yet"
+    card.advance(500)
+    assert [card.pin(n).level for n in (1, 3, 5)] == ["1"] * 3
+    assert card.read(0x1000) & 0b101010 == 0b101010
+    card.write(COMMAND, 0x0901)
+    while card.pin(5).level == "1":
+        card.advance(0.01)
+    card.advance(0.2)
+    bits = []
+    for _ in range(20):
+        bits.append(card.pin(5).level)
+        card.advance(0.4015)  # a byte takes 4.03 us with the gap behind it
+    assert "".join(bits) == "".join("0" + f"{byte:08b}"[::-1] + "1" for byte in (0xDF, 0x16))
+    assert [card.pin(n).level for n in (1, 3, 5)] == ["1"] * 3
+    card.write(COMMAND, 0x4000)
+    assert card.pin(5).level == "1", "a processor in reset sends nothing"
+    card.write(0x1100, 0)
+    assert card.pin(5).level == "H"
+
+
 def test_a_watchdog_bite_cuts_the_remotes_off() -> None:
     card = board()
     for address, value in SWITCH_7I77:
