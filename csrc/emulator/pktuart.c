@@ -35,6 +35,7 @@ struct pktuart {
 	struct hm2_emulator *card;
 	int is_receiver;
 	int rate_bits;
+	uint32_t only_newer; /* bits of the mode that this version does not have */
 	int count;
 	struct unit units[];
 };
@@ -47,6 +48,8 @@ static struct pktuart *create(struct hm2_emulator *card, const struct card_descr
 	uart->card = card;
 	uart->is_receiver = receiver;
 	uart->rate_bits = descriptor->version >= 2 ? 24 : 20;
+	if (descriptor->version < 3)
+		uart->only_newer = HM2_PKTUART_TX_MODE_TWO_STOP_BITS_MASK | HM2_PKTUART_TX_MODE_INTER_FRAME_X4_MASK;
 	uart->count = descriptor->instances;
 	for (int i = 0; i < uart->count; i++)
 		uart->units[i].data_pin = card_pin_of(card, HM2_GTAG_PKTUART_TX, i, HM2_PKTUART_TX_PIN_DATA);
@@ -180,12 +183,12 @@ static void push_frame(struct pktuart *uart, struct unit *unit, uint32_t bytes)
 	unit->frames[unit->frame_count++] = (struct frame){(uint16_t)bytes, 0};
 }
 
-static int write_mode(struct unit *unit, uint32_t value)
+static int write_mode(const struct pktuart *uart, struct unit *unit, uint32_t value)
 {
 	if (value == CLEAR)
 		clear(unit);
 	else
-		unit->mode = value;
+		unit->mode = value & ~uart->only_newer; /* at the same places in both directions */
 	return 1;
 }
 
@@ -197,7 +200,7 @@ static int tx_write(void *self, int reg, uint32_t offset, uint32_t value)
 		return 0;
 	struct unit *unit = &uart->units[index];
 	if (reg == HM2_PKTUART_TX_MODE)
-		return write_mode(unit, value);
+		return write_mode(uart, unit, value);
 	if (reg == HM2_PKTUART_TX_BIT_RATE)
 		unit->rate = value & ((UINT32_C(1) << uart->rate_bits) - 1);
 	else if (reg == HM2_PKTUART_TX_FRAME_COUNT)
@@ -214,12 +217,12 @@ static uint32_t tx_read(void *self, int reg, uint32_t offset, uint32_t *value)
 	if (index >= uart->count || (reg != HM2_PKTUART_TX_BIT_RATE && reg != HM2_PKTUART_TX_MODE))
 		return 0;
 	const struct unit *unit = &uart->units[index];
-	const uint32_t busy = HM2_PKTUART_TX_MODE_BUSY_MASK | HM2_PKTUART_TX_MODE_HAS_DATA_MASK;
 	const uint32_t stored = UINT32_C(0xFFFF) & ~HM2_PKTUART_TX_MODE_BUSY_MASK;
 	if (reg == HM2_PKTUART_TX_BIT_RATE)
 		*value = unit->rate;
 	else
-		*value = (unit->mode & stored) | (unit->frame_count ? busy : 0) |
+		*value = (unit->mode & stored) | (unit->frame_count ? HM2_PKTUART_TX_MODE_BUSY_MASK : 0) |
+		         (unit->words ? HM2_PKTUART_TX_MODE_HAS_DATA_MASK : 0) |
 		         (uint32_t)unit->frame_count << HM2_PKTUART_TX_MODE_FRAMES_WAITING_LSB;
 	return CARD_ALL_DRIVEN;
 }
@@ -281,7 +284,7 @@ static int rx_write(void *self, int reg, uint32_t offset, uint32_t value)
 	if (index >= uart->count || (reg != HM2_PKTUART_RX_BIT_RATE && reg != HM2_PKTUART_RX_MODE))
 		return 0;
 	if (reg == HM2_PKTUART_RX_MODE)
-		return write_mode(&uart->units[index], value);
+		return write_mode(uart, &uart->units[index], value);
 	uart->units[index].rate = value;
 	return 1;
 }

@@ -123,6 +123,30 @@ def test_a_character_on_the_pin(board: Board, emulated: EmulatedBoard, parity: P
     assert levels == bits
 
 
+def test_data_without_a_frame_is_data_but_no_frame() -> None:
+    emulated = EmulatedBoard(card(3), clock="virtual")
+    emulated.write(TX + 0x200, 1 << 20)
+    emulated.write(TX, 0x04030201)
+    assert emulated.read(TX + 0x300) == 1 << 21
+    emulated.write(TX + 0x100, 4)
+    assert emulated.read(TX + 0x300) == 1 << 21 | 1 << 16 | 1 << 7
+    emulated.advance(1000.0)
+    assert emulated.read(TX + 0x300) == 0
+
+
+@pytest.mark.parametrize(("version", "bits"), [(0, 10 + 30), (2, 10 + 30), (3, 11 + 4 * 30)])
+def test_a_second_stop_bit_and_longer_gaps_came_with_version_3(version: int, bits: int) -> None:
+    emulated = EmulatedBoard(card(version), clock="virtual")
+    emulated.write(TX + 0x200, 1 << (10 if version < 2 else 14))  # 1024 clocks a bit
+    emulated.write(TX + 0x300, 1 << 20 | 1 << 19 | 30 << 8)
+    emulated.write(TX, 0x55)
+    emulated.write(TX + 0x100, 1)
+    emulated.advance_clocks(bits * 1024 - 1)
+    assert emulated.read(TX + 0x300) >> 16 & 0x1F == 1
+    emulated.advance_clocks(2)
+    assert emulated.read(TX + 0x300) >> 16 & 0x1F == 0
+
+
 def test_a_full_transmitter_is_waited_for(board: Board, emulated: EmulatedBoard) -> None:
     uart = board.pktuarts[0]
     uart.setup(1e6)
