@@ -113,8 +113,8 @@ static struct instance *decode(struct sserial *sserial, int reg, uint32_t offset
 	struct instance *instance = &sserial->instances[unit];
 	*channel = 0;
 	if (reg >= HM2_SSERIAL_CS)
-		*channel = (int)(offset >> 2) & 15 & (instance->slots - 1);
-	return *channel < instance->channels ? instance : NULL;
+		*channel = (int)(offset >> 2) & 15 & (instance->slots - 1); /* a slot without a channel reads 0 */
+	return instance;
 }
 
 static uint32_t sserial_read(void *self, int reg, uint32_t offset, uint32_t *value)
