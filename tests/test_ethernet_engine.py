@@ -15,6 +15,7 @@ from lbp16_reference import Command
 
 from hostmot2 import flash_layout
 from hostmot2.emulator import EmulatedBoard
+from hostmot2.emulator.board import UNDRIVEN
 from hostmot2.emulator.ethernet import DESCRIPTIONS, EthernetCard, EthernetDescription, description
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -252,6 +253,15 @@ def test_card_name_in_eeprom_and_information_space_agree(spec):
     name = engine.process(bytes.fromhex("885d0000"))
     assert name == engine.process(bytes.fromhex("88491000"))
     assert name.rstrip(b"\0").decode().lower().startswith(spec.split("+")[0])
+
+
+@pytest.mark.parametrize("strict", [False, True])
+def test_a_packet_goes_on_behind_words_that_nothing_decodes(strict):
+    with EmulatedBoard("7i92+7i77", clock="virtual", strict=strict) as board:
+        engine = EthernetCard(description("7i92"), board)
+        engine.process(bytes.fromhex("89c20011") + struct.pack("<9I", *range(0x100, 0x109)))
+        ports = (0x108, 0x101, *(UNDRIVEN,) * 6, 0x108)  # they repeat every 32 bytes
+        assert engine.process(bytes.fromhex("89420011")) == struct.pack("<9I", *ports)
 
 
 def test_pci_cards_have_no_ethernet_description():

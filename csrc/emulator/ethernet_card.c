@@ -15,19 +15,23 @@ static void card_leave(void *self)
 	pthread_mutex_unlock(&((struct hm2_emulator *)self)->lock);
 }
 
+/* Addresses are aligned and in range. A strict card stops at a word that nothing decodes; no packet does. */
 static void card_read(void *self, uint32_t address, uint32_t *words, size_t count)
 {
 	hm2_error error;
 
-	/* addresses are aligned and in range; a strict card's undecoded word reads as on any other card */
-	card_read_words(self, address, words, count, &error);
+	for (size_t i = 0; i < count; i = (error.address - address) / 4 + 1)
+		if (card_read_words(self, address + 4 * (uint32_t)i, words + i, count - i, &error) == HM2_OK)
+			return;
 }
 
 static void card_write(void *self, uint32_t address, const uint32_t *words, size_t count)
 {
 	hm2_error error;
 
-	card_write_words(self, address, words, count, &error);
+	for (size_t i = 0; i < count; i = (error.address - address) / 4 + 1)
+		if (card_write_words(self, address + 4 * (uint32_t)i, words + i, count - i, &error) == HM2_OK)
+			return;
 }
 
 static void card_pause_us(void *self, int64_t us)
