@@ -1,5 +1,5 @@
 /* The firmware model under random hosts and broken remotes: no read outside its memory, no endless
- * loop, and after the way out of everything (reset) it starts and runs as new. */
+ * loop, and after the way out of everything (reset or power-up) it starts and runs as new. */
 #include "check.h"
 #include "emulator/sslbp.h"
 
@@ -89,6 +89,8 @@ static void host(struct bench *bench)
 		break;
 	case 4:
 		hm2_sslbp_read(bench->sslbp, (int)any(12), channel);
+		for (int c = 0; c < bench->channels; c++)
+			CHECK((unsigned)hm2_sslbp_transmit_level(bench->sslbp, c, bench->now) <= 1);
 		break;
 	default:
 		if (any(4) || hm2_sslbp_read(bench->sslbp, 0, 0) == 0)
@@ -111,9 +113,13 @@ static void ends_well(struct bench *bench, int channels)
 	hm2_remote_set(fresh, HM2_REMOTE_RECEIVE_SIZE, 5);
 	hm2_remote_set(fresh, HM2_REMOTE_TRANSMIT_SIZE, 2);
 	hm2_sslbp_attach(bench->sslbp, 0, fresh);
-	hm2_sslbp_write(bench->sslbp, 0, 0, 0x4000);
-	pass(bench, 5);
-	hm2_sslbp_write(bench->sslbp, 0, 0, 0x0001);
+	if (any(2)) {
+		hm2_sslbp_write(bench->sslbp, 0, 0, 0x4000);
+		pass(bench, 5);
+		hm2_sslbp_write(bench->sslbp, 0, 0, 0x0001);
+	} else {
+		hm2_sslbp_power_up(bench->sslbp);
+	}
 	pass(bench, 1000);
 	CHECK_EQUAL(hm2_sslbp_read(bench->sslbp, 0, 0), 0);
 	CHECK_EQUAL(hm2_sslbp_read(bench->sslbp, 1, 0), 0xAA);
