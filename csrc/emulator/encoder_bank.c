@@ -34,6 +34,14 @@ static void find_shared_pins(struct encoder_bank *bank)
 	}
 }
 
+static void start_dividers(struct encoder_bank *bank, int64_t clock)
+{
+	const int64_t first = clock + FIRST_TICK;
+	bank->filter = (struct divider){first, encoder_bank_period(bank->default_rate, RATE_BITS), 0};
+	bank->timestamp = (struct divider){first, encoder_bank_period(0, TIMESTAMP_BITS), 0};
+	bank->timestamp_reload = 0;
+}
+
 int encoder_bank_init(struct encoder_bank *bank, struct hm2_emulator *card,
                       const struct card_descriptor *descriptor, int64_t tick_hz)
 {
@@ -53,8 +61,7 @@ int encoder_bank_init(struct encoder_bank *bank, struct hm2_emulator *card,
 	bank->first_wave = card->wave_count;
 	card->wave_count += bank->count;
 	bank->default_rate = reload & 0xFFF;
-	bank->filter = (struct divider){FIRST_TICK, encoder_bank_period(bank->default_rate, RATE_BITS), 0};
-	bank->timestamp = (struct divider){FIRST_TICK, encoder_bank_period(0, TIMESTAMP_BITS), 0};
+	start_dividers(bank, 0);
 	for (int i = 0; i < bank->count; i++) {
 		bank->counters[i].index = i;
 		bank->counters[i].has_probe = (descriptor->version & PROBE_VERSION) != 0;
@@ -72,8 +79,7 @@ void encoder_bank_free(struct encoder_bank *bank)
 
 void encoder_bank_power_up(struct encoder_bank *bank)
 {
-	bank->timestamp = (struct divider){bank->card->clock + FIRST_TICK, encoder_bank_period(0, TIMESTAMP_BITS), 0};
-	bank->timestamp_reload = 0;
+	start_dividers(bank, bank->card->clock);
 	bank->timer_select = 0;
 	bank->set_rate(bank, bank->default_rate);
 	for (int i = 0; i < bank->count; i++)
