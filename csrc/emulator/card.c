@@ -15,13 +15,34 @@ struct card_module *card_find(struct hm2_emulator *card, uint8_t gtag)
 	return NULL;
 }
 
-int card_has(const struct hm2_emulator *card, uint8_t gtag)
+/* Where the first module of a kind lies; -1: there is none. */
+static int32_t base_of(const struct hm2_emulator *card, uint8_t gtag)
 {
 	uint32_t at = card_idrom_field(card, HM2_IDROM_MODULE_OFFSET) / 4;
 	for (; at + 3 <= CARD_IDROM_WORDS && (card->idrom[at] & 0xFF) != 0; at += 3)
 		if ((card->idrom[at] & 0xFF) == gtag)
-			return 1;
-	return 0;
+			return (int32_t)(card->idrom[at + 1] & 0xFFFF);
+	return -1;
+}
+
+int card_has(const struct hm2_emulator *card, uint8_t gtag)
+{
+	return base_of(card, gtag) >= 0;
+}
+
+/* The registers for it came with generation B, which is told by what it has moved (registers.md 0). */
+int card_samples_by_timer(const struct hm2_emulator *card)
+{
+	static const struct {
+		uint8_t gtag;
+		int32_t base;
+	} generation_a[] = {{HM2_GTAG_MUXED_ENCODER, 0x3500}, {HM2_GTAG_RESOLVER, 0x3A00}, {HM2_GTAG_PWMGEN, 0x4000},
+	                    {HM2_GTAG_TP_PWM, 0x4500},        {HM2_GTAG_BSPI, 0x5400},     {HM2_GTAG_SSERIAL, 0x5A00},
+	                    {HM2_GTAG_UART_TX, 0x6000},       {HM2_GTAG_SSI, 0x6800}};
+	for (size_t i = 0; i < sizeof generation_a / sizeof *generation_a; i++)
+		if (base_of(card, generation_a[i].gtag) == generation_a[i].base)
+			return 0;
+	return card_has(card, HM2_GTAG_DPLL);
 }
 
 static int fail(hm2_error *error, int status, uint32_t address, const char *where)

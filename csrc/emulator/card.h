@@ -128,6 +128,7 @@ void card_identity_power_up(struct hm2_emulator *card);
 /* A part without registers that lives in the card's time: only advance, next_event, fire and destroy. */
 int card_add_part(struct hm2_emulator *card, const struct card_module_type *type, void *self);
 int card_has(const struct hm2_emulator *card, uint8_t gtag); /* a descriptor names it */
+int card_samples_by_timer(const struct hm2_emulator *card);  /* counters can be latched at a DPLL timer */
 /* Words at the time last touched: what a list of transfers does is done at one time. */
 int card_read_words(struct hm2_emulator *card, uint32_t address, uint32_t *words, size_t count, hm2_error *error);
 int card_write_words(struct hm2_emulator *card, uint32_t address, const uint32_t *words, size_t count,

@@ -50,7 +50,7 @@ int encoder_bank_init(struct encoder_bank *bank, struct hm2_emulator *card,
 	bank->card = card;
 	bank->gtag = descriptor->gtag;
 	bank->count = descriptor->instances;
-	bank->timers = card_has(card, HM2_GTAG_DPLL);
+	bank->timers = card_samples_by_timer(card);
 	bank->counters = calloc((size_t)bank->count, sizeof *bank->counters);
 	bank->mask_pins = calloc((size_t)bank->count, sizeof *bank->mask_pins);
 	bank->latches = calloc((size_t)bank->count, sizeof *bank->latches);

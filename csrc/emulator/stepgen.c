@@ -59,7 +59,7 @@ static void *stepgen_create(struct hm2_emulator *card, const struct card_descrip
 	stepgen->card = card;
 	stepgen->count = (int)count;
 	stepgen->version = descriptor->version;
-	stepgen->timers = card_has(card, HM2_GTAG_DPLL);
+	stepgen->timers = card_samples_by_timer(card);
 	stepgen->latches = calloc(count + 1, sizeof *stepgen->latches);
 	if (stepgen->latches == NULL) {
 		stepgen_destroy(stepgen);

@@ -169,6 +169,21 @@ def test_register_generations_move_the_modules_that_moved() -> None:
         EmulatedBoard("5i99")
 
 
+@pytest.mark.parametrize(
+    ("spec", "selects"), [("7i92+7i77+7i76", (0x2A00, 0x3B00)), ("7i76e", (0x2A00, 0x3500))]
+)
+def test_only_generation_b_samples_by_dpll_timers(spec: str, selects: tuple[int, ...]) -> None:
+    """A client takes a register that reads back 0 for one; in generation A other modules lie there."""
+    old = EmulatedBoard(spec, clock="virtual", firmware="a")
+    new = EmulatedBoard(spec, clock="virtual", firmware="b")
+    for address in selects:
+        new.write(address, 0)
+        assert new.read(address) == 0
+    for address in (0x2A00, 0x3A00, *(() if spec == "7i92+7i77+7i76" else (0x3500,))):
+        old.write(address, 0)
+        assert old.read(address) == 0xDEADBEEF
+
+
 def test_raw_idrom_words_make_a_card_and_broken_ones_are_refused() -> None:
     words = card("5i25+7i77").idrom()
     assert EmulatedBoard(words, clock="virtual").read(0x100) == 0x55AACAFE

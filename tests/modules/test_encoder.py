@@ -311,14 +311,14 @@ def test_a_neighbours_register_is_not_taken_for_a_timer_selection() -> None:
 
 SAMPLED = module_card(
     ModuleWords(Gtag.DPLL, 0x7000, 7),
-    ModuleWords(Gtag.MUXED_ENCODER, 0x3500, 5, instances=2, version=4, multiple=3),
+    ModuleWords(Gtag.MUXED_ENCODER, 0x3600, 5, instances=2, version=4, multiple=3),
     ModuleWords(Gtag.MUXED_ENCODER_SELECT, 0, 0),
     pins=(
         *(pin(Gtag.MUXED_ENCODER, number) for number in (1, 2, 3)),
         pin(Gtag.MUXED_ENCODER_SELECT, 0x81),
     ),
 )
-FILTER, SELECT = 0x3900, 0x3A00
+FILTER, SELECT = 0x3A00, 0x3B00
 
 
 def test_sampling_by_a_timer_and_after_a_delay(monkeypatch: pytest.MonkeyPatch) -> None:
