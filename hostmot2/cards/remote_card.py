@@ -60,7 +60,7 @@ class RemoteCard:
         return [f"channel {c.number}: {text}" for c in self.channels for text in c.status.live]
 
     def raise_for_faults(self) -> None:
-        """Raise CardFault if a channel reports a fault, NotStarted's like if it does not run."""
+        """Raise CardFault if the card is not started or one of its channels reports a fault."""
         if not self.started:
             raise CardFault(f"{self.name}: not started, nothing can be switched on; call start() first")
         faults = self.faults()

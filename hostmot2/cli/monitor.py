@@ -77,7 +77,7 @@ def monitor(
         raise click.UsageError("--mode is for --start: a remote takes its mode when it is started")
     if session.as_json or not _is_terminal():
         raise click.UsageError(
-            "hm2 monitor needs a terminal to draw in. For scripts: `hm2 --json sserial status`, `hm2 record`"
+            "hm2 monitor needs a terminal to draw in. For scripts: `hm2 --json sserial scan`, `hm2 record`"
         )
     app = _app()
     with session.board(read_only=start is None) as board:

@@ -167,13 +167,15 @@ def stop(session: Session, mask: int | None, number: int) -> None:
 def status(session: Session, number: int) -> None:
     """The CS register of every channel, in words.
 
+    As the last program left it: one that ended in order has stopped all channels. Nothing is changed.
+
     \b
     Examples:
       hm2 sserial status
       hm2 --json sserial status --port 0
     """
     lines, document = [], []
-    with port_of(session, number) as (_, port):
+    with port_of(session, number) as (_, port), port.untouched():
         for channel in port.channels:
             found = channel.status
             lines.append((channel.number, f"0x{found.word:08X}", found.state, ", ".join(found.live)))
@@ -192,14 +194,16 @@ def status(session: Session, number: int) -> None:
 def counters(session: Session, number: int) -> None:
     """The firmware's error counters of every channel.
 
-    They count from the channel's last stop, up to 20 of each kind.
+    They count from the channel's last stop, up to 20 of each kind. A program that ended in order has stopped
+    its channels: what is shown is left from one that was killed. Of a program that runs they are shown by
+    itself (SserialPort.counters), by `hm2 monitor --start`, and of a start by `hm2 sserial scan`.
 
     \b
     Examples:
       hm2 sserial counters
       hm2 --json sserial counters
     """
-    with port_of(session, number) as (_, port):
+    with port_of(session, number) as (_, port), port.untouched():
         counted = [asdict(row) for row in port.counters()]
     header = [name.replace("_", " ") for name in counted[0]] if counted else []
     session.report(counted, rows(header, [tuple(row.values()) for row in counted]))

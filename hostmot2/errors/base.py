@@ -131,7 +131,8 @@ class EngineError(HostMot2Error):
     code = "HM2-E120"
     causes = (
         "the engine runs, and while it does the ports and the cycle are its own",
-        "the engine was never started, or has been stopped: an engine runs once",
+        "the engine was never started, or has been stopped",
+        "it has been started: inputs, commands and controllers are added before that, to another one",
     )
     fix = "While an engine runs, exchange values with it (write, read, frames), or stop() it first."
 
@@ -158,6 +159,6 @@ class SserialError(HostMot2Error):
         "the port was left in a state this call does not fit",
     )
     fix = (
-        "`hm2 sserial status` and `hm2 sserial counters` show every channel; stop() the port, then start "
+        "Print the port: it shows every channel, its counters() the errors on each line. stop() it, then start "
         "again."
     )

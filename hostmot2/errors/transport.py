@@ -37,7 +37,10 @@ class TransportTimeout(TransportError, TimeoutError):
 
 
 class LinkFailed(TransportError):
-    """Too many exchanges in a row failed: the link was given up (error level at its limit)."""
+    """Too many exchanges failed: the link was given up (error level at its limit).
+
+    A failed exchange adds 2 to the level, a good one takes 1 off; the limit is 10 unless the URL says otherwise.
+    """
 
     code = "HM2-E090"
     causes = (
@@ -77,11 +80,17 @@ class ProtocolError(TransportError):
 
 
 class ReadOnly(TransportError):
-    """A write to a board that can only be read (a dump)."""
+    """A write to a board that can only be read, or a part of it that writes when it is made."""
 
     code = "HM2-E016"
-    causes = ("the board is a register dump (dump://)",)
-    fix = "Open the card itself, or an emulated card made of the dump: emu:///PATH/board.hm2dump."
+    causes = (
+        "the board was opened with read_only=True, to look beside the program that drives it",
+        "the board is a register dump (dump://)",
+    )
+    fix = (
+        "Open the card without read_only, once no other program drives it; of a dump an emulated card can be "
+        "made: emu:///PATH/board.hm2dump."
+    )
 
 
 class NotInDump(TransportError):

@@ -37,8 +37,8 @@ class CommandHung(SserialError, TimeoutError):
         "the processor of the port was stopped or its ROM overwritten",
     )
     fix = (
-        "Start the channels again, those with a fault alone; `hm2 sserial status` shows where each of "
-        "them stands."
+        "Start the channels again, those with a fault alone; the port, printed, shows where each of them "
+        "stands."
     )
 
     detail = 0

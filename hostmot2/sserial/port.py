@@ -6,7 +6,8 @@ Source: sserial.md and both SSLBP observed sheets; the protocol itself is in csr
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 StartMode = Literal["normal", "setup"]
 
 FAULTS_KEPT = 1000
+POWER_UP_SECONDS = 0.001
+"""Within this the processor has begun, if the card got its power just now, and has ended what it was at."""
 
 _doit = lib.hm2_sserial_doit
 _NEWS: int = lib.HM2_SSERIAL_NEWS
@@ -101,12 +104,34 @@ class SserialPort(PortMemory):
         if self._is_ready:
             return
         self._core.reset()
+        self._identify()
+        self._core.stop()
+        self._is_ready = True
+
+    def _identify(self) -> None:
         channels = self._core.identify()
         if 1 <= channels <= 8 and channels != self._core.channels:
             self._open(channels)  # the firmware knows better than the pins, which may be masked out
             self._core.identify()
-        self._core.stop()
-        self._is_ready = True
+
+    @contextmanager
+    def untouched(self) -> Iterator[None]:
+        """In the with block the first use does not reset the port: read what the last program left.
+
+        Status and counters, that is: every other use belongs behind the block. A program that closed its board
+        has stopped its channels, which cleared both; what is left is that of one that was killed. Raises
+        NoFirmware, CommandHung, TransportError.
+        """
+        with self._lock:
+            fresh = not self._is_ready
+            if fresh:
+                self._board.pause(POWER_UP_SECONDS)
+                self._identify()
+                self._is_ready = True
+            try:
+                yield
+            finally:
+                self._is_ready = not fresh
 
     def _end(self) -> None:
         if self._is_ready:

@@ -137,7 +137,7 @@ def _cs_advice(status: ChannelStatus) -> str:
         return "Stop, check supply and line, start again; `hm2 sserial start MASK` shows the evidence."
     if local & ~LocalFault.REMOTE_FAULT:
         return (
-            "`hm2 sserial counters` tells how many and of which kind. A few over days are noise; many are "
+            "The port's counters() tell how many and of which kind. A few over days are noise; many are "
             "cable, termination, ground or baud rate. Bits stay until the channel is stopped; DATA tells of "
             "each exchange."
         )

@@ -311,3 +311,21 @@ def test_a_remote_that_does_not_answer_is_not_polled_all_the_time(hm2, field):
     with pytest.raises(RemoteSilent):
         hm2.sserial.channels[0].read_remote(0x100)
     assert hm2.counters["exchanges"] - before < 2000  # three tries of 50 ms
+
+
+def test_what_a_program_that_was_killed_left_is_seen_before_the_port_is_reset(card, field):
+    killed = hostmot2.open(card)
+    killed.sserial.start(0x01)
+    killed.sserial.doit()
+    for _ in range(3):
+        field.inject(bad_crc=1)
+        killed.sserial.doit()
+        killed.pause(0.001)
+    killed._close_bus()
+    with hostmot2.open(card) as board:
+        with board.sserial.untouched():
+            assert board.sserial.counters()[0].crc_errors == 3
+            assert board.sserial.channels[0].status.state == "running"
+            assert board.sserial.revision == "1.43"
+        assert board.sserial.counters()[0].crc_errors == 0
+        assert board.sserial.channels[0].status.state == "stopped"
