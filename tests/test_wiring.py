@@ -37,6 +37,17 @@ def test_terminals_of_the_7i77_manual(connector: str, pin: int, signal: str) -> 
     assert CARD.connector(connector).terminals[pin - 1].signal == signal
 
 
+def test_of_two_figures_in_a_manual_the_stricter_is_the_limit() -> None:
+    """7I77 manual, operation and specifications; 8I20 manual, motor power: above 385 V the drive faults."""
+    limits = {limit.what: (limit.minimum, limit.maximum) for card in WIRING.values() for limit in card.limits}
+    assert limits["field voltage VFIELD"] == (5.0, 28.0)
+    assert limits["field logic voltage VIN"] == (10.0, 32.0)
+    assert limits["load of one field output"] == (None, 0.3)
+    assert limits["motor power"] == (35.0, 385.0)
+    notes = [t.note for card in WIRING.values() for c in card.connectors for t in c.terminals]
+    assert not [note for note in notes if "400 V" in note or "8 to 32" in note]
+
+
 def test_host_signals_are_where_the_firmware_has_its_functions() -> None:
     """Directions on P1 seen from the card are the FPGA's turned round."""
     with hostmot2.open("emu://5i25+7i77?clock=virtual") as board:

@@ -1,4 +1,8 @@
-"""7I77 and 7I77D. Source: 7I77 manual, hardware configuration, connectors, operation, specifications."""
+"""7I77 and 7I77D. Source: 7I77 manual, hardware configuration, connectors, operation, specifications.
+
+Where the manual's text and its table of specifications differ the stricter figure is taken: VIN from 10 V (text:
+8), field voltage up to 28 V (text: 32), 0.3 A an output (table: 0.35), 0.7 A of 5 V (text: about 0.65).
+"""
 
 from hostmot2.wiring.facts import CardFacts, Connector, Jumper, Led, Limit, RemoteFacts, Terminal
 
@@ -62,10 +66,10 @@ _RS422 = (
 )
 _FIELD_POWER = (
     *(
-        Terminal(pin, "VFIELD", "power", "8 to 32 V, without switch or relay in the line")
+        Terminal(pin, "VFIELD", "power", "up to 28 V, without switch or relay in the line")
         for pin in range(1, 5)
     ),
-    Terminal(5, "VIN", "power", "field I/O logic, 8 to 32 V; joined to VFIELD with W1 left"),
+    Terminal(5, "VIN", "power", "field I/O logic, 10 to 32 V; joined to VFIELD with W1 left"),
     Terminal(6, "NC", ""),
     Terminal(7, "NC", ""),
     Terminal(8, "GROUND", "power", "common of VIN and VFIELD"),
@@ -89,8 +93,8 @@ _ENCODER_JUMPERS = tuple(
 _MODE = (("left", "operate, 2.5 Mbaud"), ("right", "set-up, 115.2 kbaud: no process data"))
 
 _VIN = (
-    "field logic power VIN: more than 8 V, up to 32 V, on TB2-5 against TB2-8; with W1 left it comes from "
-    "VFIELD, TB2-1 to TB2-4, which must then be more than 8 V, too. Without VIN the field I/O is not detected"
+    "field logic power VIN: 10 to 32 V on TB2-5 against TB2-8; with W1 left it comes from VFIELD, TB2-1 to "
+    "TB2-4, which must then be 10 to 28 V. Without VIN the field I/O is not detected"
 )
 _5V = (
     "5 V: CR1 (yellow, upper left) is on. W5 left: the FPGA card's own jumper must put 5 V on the cable; "
@@ -186,25 +190,25 @@ CARD_7I77 = CardFacts(
         Led("CR16", "red", "lower right", "field I/O fault or watchdog (revision B on)", "off while running"),
     ),
     limits=(
-        Limit("field voltage VFIELD", 5.0, 32.0, "V"),
-        Limit("field logic voltage VIN", 8.0, 32.0, "V"),
+        Limit("field voltage VFIELD", 5.0, 28.0, "V"),
+        Limit("field logic voltage VIN", 10.0, 32.0, "V"),
         Limit("field voltage ramp", None, 10.0, "V/ms"),
-        Limit("load of one field output", None, 0.35, "A"),
+        Limit("load of one field output", None, 0.3, "A"),
         Limit("load of eight outputs on one driver", None, 1.4, "A"),
         Limit("inductive load without flyback diode", None, 0.06, "A"),
         Limit("load resistance of an analog output", 2000.0, None, "ohm"),
         Limit("current of an analog output", None, 0.005, "A"),
         Limit("current of a drive enable", None, 0.05, "A"),
         Limit("voltage of a drive enable", None, 100.0, "V"),
-        Limit("encoder count rate, standard set-up", None, 2e6, "counts/s"),
-        Limit("5 V current without encoders", None, 0.65, "A"),
+        Limit("encoder count rate, fast filter; slow (our default): half", None, 2e6, "counts/s"),
+        Limit("5 V current without encoders", None, 0.7, "A"),
         Limit("analog watchdog", None, 0.05, "s"),
     ),
     power_checklist=(
         "5 V: CR1 is on. W5 left: the FPGA card is jumpered to supply the cable; W5 right: 5 V on TB1-2",
         "never 5 V on TB1 with W5 left: it feeds back into the FPGA card and the PC",
         "analog supply: CR6 and CR7 are on",
-        "field logic: VIN on TB2-5 (or W1 left and VFIELD on TB2-1 to 4), 8 to 32 V against TB2-8",
+        "field logic: VIN on TB2-5, 10 to 32 V against TB2-8 (or W1 left and VFIELD on TB2-1 to 4, 10 to 28 V)",
         "field power: CR3 is on; no switch or relay in the VFIELD line",
         "operate mode: W4 (analog) and W12 (field I/O) left",
     ),

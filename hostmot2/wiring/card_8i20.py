@@ -63,7 +63,7 @@ CARD_8I20 = CardFacts(
                 Terminal(1, "chassis ground", "power"),
                 Terminal(2, "brake resistor -", "out"),
                 Terminal(3, "brake resistor +", "out"),
-                Terminal(4, "motor power +", "power", "35 to 400 V DC"),
+                Terminal(4, "motor power +", "power", "35 to 385 V DC; a fault above"),
                 Terminal(5, "motor power -", "power"),
                 Terminal(6, "motor W", "out"),
                 Terminal(7, "motor V", "out"),
