@@ -26,7 +26,7 @@ _WITH_SKEW = (4, 0x84)
 _DIVIDE_BY_ONE = 0xFFF
 
 TIMESTAMP_RATE = 2e6
-"""Hz; the 16-bit stamps then wrap every 33 ms."""
+"""Hz; the 16-bit stamps then wrap every 33 ms, or 31 where the clock makes it 2.08 MHz (5I25)."""
 FILTER_RATE = 25e6
 """Hz, of plain encoders."""
 MUX_RATE = 8e6
@@ -106,7 +106,9 @@ class EncoderModule:
     def skew(self) -> float:
         """Seconds by which sampling of multiplexed inputs is delayed (cable); 0 to 15 periods of ClockLow.
 
-        Rule of thumb: 20 ns plus 3 ns per foot of cable. Raises UnsupportedFirmware where firmware has none.
+        Rule of thumb: 20 ns plus 3 ns per foot of cable; rounded to clocks. Longer than the multiplexer and its
+        cable really take, it swaps the two encoders of each pair. Raises UnsupportedFirmware where firmware has
+        none, ValueError.
         """
         return self._skew / self._descriptor.clock
 
@@ -128,9 +130,9 @@ class EncoderModule:
 
     @property
     def timestamp_rate(self) -> float:
-        """Ticks per second of the timestamps velocity is measured with; the default is 2 MHz.
+        """Ticks per second of the timestamps velocity is measured with; the default is about 2 MHz.
 
-        Above 2 MHz the stamps resolve better and wrap sooner: exchanges must then come faster.
+        Set: ClockLow / 32769 to ClockLow / 2; rounded to what the divider can. Above 2 MHz the stamps resolve better and wrap sooner: exchanges must then come faster.
         """
         return 1.0 / float(self._group.timebase.seconds_per_tick)
 
@@ -139,7 +141,10 @@ class EncoderModule:
         ticks = self._descriptor.clock / rate if rate > 0 else 0.0
         divider = int(ticks - 2) if ticks < math.inf else -1
         if not 0 <= divider <= 0x7FFF:
-            raise ValueError(f"timestamp rate {rate:g} Hz is outside 0..{self._descriptor.clock / 2:g} Hz")
+            clock = self._descriptor.clock
+            raise ValueError(
+                f"timestamp rate {rate:g} Hz is outside {clock / 0x8001:.0f}..{clock / 2:.0f} Hz"
+            )
         with self.board.lock:
             self.board.write(self._address(Registers.timestamp_divider.number), divider)
             self._timestamp_divider = divider
