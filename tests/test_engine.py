@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import subprocess
 from typing import Any
 
@@ -513,10 +514,21 @@ def test_an_engine_starts_again_with_outputs_off(board: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "options", [{"rate": 0}, {"rate": 1e6}, {"style": "x"}, {"overrun": "x"}, {"dead_man": -1}]
+    "options",
+    [
+        *({"rate": rate} for rate in (0, 1e6)),
+        {"style": "x"},
+        {"overrun": "x"},
+        *({name: wrong} for name in ("dead_man", "early") for wrong in (-1, math.inf, math.nan, 1e12)),
+        *({"reply_timeout": wrong} for wrong in (0, -1, math.inf, math.nan)),
+        {"stale_limit": -1},
+        {"overrun_limit": -1},
+        {"fault_bucket": (10, -1, 200)},
+        {"fault_bucket": (10, 1)},
+    ],
 )
 def test_options_that_cannot_be_are_refused(board: Any, options: dict[str, Any]) -> None:
-    with pytest.raises(ValueError, match=r"rate|style|overrun|dead_man"):
+    with pytest.raises(ValueError, match=r"rate|style|overrun|dead_man|reply_timeout|fault_bucket"):
         board.engine(**options)
 
 

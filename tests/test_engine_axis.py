@@ -181,3 +181,16 @@ def test_settings_changed_while_stopped_hold_for_the_next_run(engine: Any) -> No
         engine.write()
         step(engine, 3)
         assert axis.output == 1.0
+
+
+def test_an_engine_has_room_for_sixteen_axes_and_says_so_when_one_too_many_is_added() -> None:
+    with hostmot2.open("emu://5i25+7i77?clock=virtual") as board:
+        board.sserial.start(0x03)
+        engine = board.engine()
+        for number in range(16):
+            engine.add_pid(f"x{number}", feedback="encoder0.position", output="analogout0")
+        with pytest.raises(ValueError, match="16 axes"):
+            engine.add_pid("x16", feedback="encoder0.position", output="analogout0")
+        assert "x16.position" not in engine.outputs
+        with engine:
+            engine.step()

@@ -108,7 +108,8 @@ def couple_dc_motor(
     amplifier. channels: of the field I/O and of the analog remote. encoder: the card's encoder input, by
     default the axis number. limit_inputs: field inputs of the low and high limit switch.
 
-    Raises TypeError if the channels carry no 7I77, ValueError for the numbers.
+    Raises TypeError if the channels carry no 7I77, ValueError for axis, inputs and inertia, IndexError for an
+    encoder input that the card does not have.
     """
     constants = constants or DcMotorConstants()
     field_io, analog = (_described(board, channel) for channel in channels)
@@ -181,7 +182,10 @@ def _rotor(board: EmulatedBoard, state: Any, rotor: Rotor, encoder: int) -> None
 
 
 def _signal(signal: Any, remote: DescribedRemote, name: str, bit: int = -1) -> None:
-    element: Field = remote.field(name)
+    try:
+        element: Field = remote.field(name)
+    except KeyError as other:
+        raise TypeError(f"a {remote.name} on this channel cannot be coupled: {other.args[0]}") from other
     if not -1 <= bit < element.bits:
         raise ValueError(f"{name} has bits 0..{element.bits - 1}, no {bit}")
     signal.remote, signal.address, signal.bits, signal.bit = remote.handle, element.address, element.bits, bit

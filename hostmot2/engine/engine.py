@@ -44,18 +44,20 @@ class Engine(EngineView):
     other).
 
     Outputs are off until the first write(). They go off by themselves, everything zero and enables dropped,
-    when write() has not come for `dead_man` seconds (0: never); when `stale_limit` exchanges in a row
-    failed, or brought no result of a port that could be told from an older one; when the watchdog has
-    bitten; when a remote reports a fault (its watchdog's holds until the remote is started anew: stop() the
-    engine, start the port, start() the engine); when a port's fault bucket (`fault_bucket`: added by a failed
-    exchange with its remotes, taken off by a good one, limit) is full; when an axis exceeds its following
-    error; after `overrun_limit` overruns in a row (0: never). The loop goes on, events() says why, and only
-    enable() turns them on again. restart_ports: how often a port given up is started anew; its outputs stay
-    off.
+    when write() has not come for `dead_man` seconds (0.1 unless told; 0: never); when `stale_limit` exchanges
+    in a row (5; 0: never) failed, or brought no result of a port that could be told from an older one; when
+    the watchdog has bitten; when a remote reports a fault (its watchdog's holds until the remote is started
+    anew: stop() the engine, start the port, start() the engine); when a port's fault bucket is full
+    (`fault_bucket`: added by a failed exchange with its remotes, taken off by a good one, limit: 10, 1, 200;
+    limit 0: never); when an axis exceeds its following error; after `overrun_limit` overruns in a row (0, the
+    default: never). The loop goes on, events() says why, and only enable() turns them on again.
+    restart_ports: how often a port given up is started anew; its outputs stay off.
 
-    overrun: "skip" leaves periods out that have passed, "catch-up" makes up for up to ten. real_time:
-    SCHED_FIFO (True, or a priority), memory locked; cpu: the processor to run on; early: seconds awake before
-    the time. What is refused is a RealTimeWarning.
+    overrun: "skip" (the default) leaves periods out that have passed, "catch-up" makes up for up to ten.
+    reply_timeout: seconds that a reply is waited for, by default 0.8 of a period, 20 ms at most. real_time:
+    SCHED_FIFO (True: 60, or a priority), memory locked; cpu: the processor to run on; early: seconds awake
+    before the time, 60 us unless told. What the system refuses is a RealTimeWarning; a rate or option that
+    cannot be is a ValueError.
 
     On a card with virtual time there is no thread: frames() and step() run the cycles.
 
@@ -141,9 +143,12 @@ class Engine(EngineView):
 
         feedback, output: names of an input and an output, "encoder0.position" and "analogout0".
         feedback_velocity: an input; by default the one beside a "....position". velocity_command: the
-        command comes with its velocity. settings: see axis.SETTINGS. Raises KeyError for the names.
+        command comes with its velocity. settings: see axis.SETTINGS. Raises KeyError for the names, TypeError
+        and ValueError for the settings, ValueError for more than 16 axes and a name that is there already.
         """
         self._before_start()
+        if len(self._plan.axes) == lib.HM2_ENGINE_AXES:
+            raise ValueError(f"an engine runs {lib.HM2_ENGINE_AXES} axes at most")
         readings = self._vectors.input_names
         feedback_name = self.input_names[readings[feedback]]
         if feedback_velocity is None and feedback_name.endswith(".position"):

@@ -19,6 +19,8 @@ PRIORITY = 60
 """SCHED_FIFO priority of real_time=True."""
 EARLY = 60e-6
 LONGEST_REPLY_NS = 20_000_000  # below the time after which a bus repeats by itself
+LONGEST = 1e9
+"""Seconds."""
 PIPELINED_RATE = 1600.0
 """Hz: in one exchange a DOIT must be over before the next, which takes 0.6 ms to be sure of."""
 
@@ -65,8 +67,12 @@ def new_config(
         raise ValueError(f"rate {rate} Hz is outside 0.001..20000 Hz")
     if overrun not in _OVERRUNS:
         raise ValueError(f"overrun is 'skip' or 'catch-up', not {overrun!r}")
-    if dead_man < 0 or early < 0:
-        raise ValueError("dead_man and early are seconds, at least 0")
+    if not (0 <= dead_man <= LONGEST and 0 <= early <= LONGEST):
+        raise ValueError(f"dead_man and early are seconds, 0 to {LONGEST:g}")
+    if reply_timeout is not None and not 0 < reply_timeout <= LONGEST:
+        raise ValueError(f"reply_timeout is seconds above 0, to {LONGEST:g}")
+    if min(stale_limit, overrun_limit, *fault_bucket) < 0 or len(fault_bucket) != 3:
+        raise ValueError("stale_limit, overrun_limit and the three numbers of fault_bucket are at least 0")
     config: Any = ffi.new("hm2_engine_config *")
     lib.hm2_engine_defaults(config)
     config.period_ns = round(1e9 / rate)

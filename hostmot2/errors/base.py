@@ -159,6 +159,6 @@ class SserialError(HostMot2Error):
         "the port was left in a state this call does not fit",
     )
     fix = (
-        "Print the port: it shows every channel, its counters() the errors on each line. stop() it, then start "
-        "again."
+        "Print the port: it shows every channel, its counters() the errors on each line. stop() it, then "
+        "start again."
     )

@@ -39,7 +39,8 @@ class TransportTimeout(TransportError, TimeoutError):
 class LinkFailed(TransportError):
     """Too many exchanges failed: the link was given up (error level at its limit).
 
-    A failed exchange adds 2 to the level, a good one takes 1 off; the limit is 10 unless the URL says otherwise.
+    A failed exchange adds 2 to the level, a good one takes 1 off; the limit is 10 unless the URL says
+    otherwise.
     """
 
     code = "HM2-E090"

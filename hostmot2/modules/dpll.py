@@ -83,19 +83,26 @@ class Dpll:
         return (raw - (1 << 32) if raw >> 31 else raw) / float(1 << 32) / self._frequency
 
     def set_timer(self, number: int, seconds: float) -> None:
-        """Let timer 1 to 4 come `seconds` after the exchange; negative: before it. Less than one period."""
-        if not 1 <= number <= 4:
-            raise ValueError(f"DPLL timer {number} is outside 1..4")
+        """Let timer 1 to 4 come `seconds` after the exchange; negative: before it. Less than one period.
+
+        Raises ValueError.
+        """
+        index = self._index(number)
         if not abs(seconds) * self._frequency < 1:
             raise ValueError(
                 f"DPLL timer {number}: {seconds} s is not within one period of {self._frequency} Hz"
             )
-        self._timers[number - 1] = seconds
+        self._timers[index] = seconds
         self._write_timers()
 
     def timer(self, number: int) -> float:
-        """Seconds after the exchange at which timer 1 to 4 comes."""
-        return self._timers[number - 1]
+        """Seconds after the exchange at which timer 1 to 4 comes. Raises ValueError for another number."""
+        return self._timers[self._index(number)]
+
+    def _index(self, number: int) -> int:
+        if not 1 <= number <= 4:
+            raise ValueError(f"DPLL timer {number} is outside 1..4")
+        return number - 1
 
     def _write_timers(self) -> None:
         words = [int(-seconds * self._frequency * 65536) & 0xFFFF for seconds in self._timers]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from hostmot2 import errors
 from hostmot2._core import lib
 from hostmot2.idrom import HostMot2Warning
+from hostmot2.modules.instances import switched
 from hostmot2.registers import Encoder as Registers
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ class Encoder:
         return bool(self._state.settings & mask)
 
     def _set(self, mask: int, on: bool) -> None:
-        self._state.settings = self._state.settings | mask if on else self._state.settings & ~mask
+        self._state.settings = self._state.settings | mask if switched(on) else self._state.settings & ~mask
 
     @property
     def filter(self) -> bool:

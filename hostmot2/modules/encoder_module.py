@@ -106,9 +106,9 @@ class EncoderModule:
     def skew(self) -> float:
         """Seconds by which sampling of multiplexed inputs is delayed (cable); 0 to 15 periods of ClockLow.
 
-        Rule of thumb: 20 ns plus 3 ns per foot of cable; rounded to clocks. Longer than the multiplexer and its
-        cable really take, it swaps the two encoders of each pair. Raises UnsupportedFirmware where firmware has
-        none, ValueError.
+        Rule of thumb: 20 ns plus 3 ns per foot of cable; rounded to clocks. Longer than the multiplexer and
+        its cable really take, it swaps the two encoders of each pair. Raises UnsupportedFirmware where
+        firmware has none, ValueError.
         """
         return self._skew / self._descriptor.clock
 
@@ -132,14 +132,15 @@ class EncoderModule:
     def timestamp_rate(self) -> float:
         """Ticks per second of the timestamps velocity is measured with; the default is about 2 MHz.
 
-        Set: ClockLow / 32769 to ClockLow / 2; rounded to what the divider can. Above 2 MHz the stamps resolve better and wrap sooner: exchanges must then come faster.
+        Set: ClockLow / 32769 to ClockLow / 2; rounded to what the divider can. Above 2 MHz the stamps
+        resolve better and wrap sooner: exchanges must then come faster.
         """
         return 1.0 / float(self._group.timebase.seconds_per_tick)
 
     @timestamp_rate.setter
     def timestamp_rate(self, rate: float) -> None:
         ticks = self._descriptor.clock / rate if rate > 0 else 0.0
-        divider = int(ticks - 2) if ticks < math.inf else -1
+        divider = math.floor(ticks - 2) if ticks < math.inf else -1
         if not 0 <= divider <= 0x7FFF:
             clock = self._descriptor.clock
             raise ValueError(

@@ -140,7 +140,10 @@ class Ssrs(OutputInstances):
 
     @property
     def frequency(self) -> float:
-        """Hz of the carrier through the transformers, 25 kHz to 25 MHz; the default is 1 MHz."""
+        """Hz of the carrier through the transformers, as the hardware makes it; the default is 1 MHz.
+
+        Set: 25 kHz to 25 MHz; what is more than a quarter of ClockLow becomes that. Raises ValueError.
+        """
         return self.clock / (self._divider + 2) / 2
 
     @frequency.setter

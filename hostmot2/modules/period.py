@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from hostmot2._core import ffi
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import Instances, whole
+from hostmot2.modules.instances import Instances, switched, whole
 from hostmot2.registers import Gtag
 from hostmot2.registers import Period as Registers
 
@@ -107,7 +107,7 @@ class Period:
 
     @invert.setter
     def invert(self, on: bool) -> None:
-        self._invert = bool(on)
+        self._invert = switched(on)
         self._all.configure(self)
 
     def mode_word(self) -> int:

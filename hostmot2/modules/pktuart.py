@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, overload
+from typing import TYPE_CHECKING, Literal, get_args, overload
 
 from hostmot2 import errors
 from hostmot2.board import SafeOff
@@ -66,6 +66,8 @@ class Pktuart:
         to 255, from version 2 on to 65535. Raises ValueError, and UnsupportedFirmware for two stop bits
         before version 3.
         """
+        if parity not in get_args(Parity):
+            raise ValueError(f"parity is one of {', '.join(get_args(Parity))}, not {parity!r}")
         if two_stop_bits and self._version < 3:
             raise errors.UnsupportedFirmware(
                 f"packet UART version {self._version} has no second stop bit",

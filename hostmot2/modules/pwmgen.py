@@ -151,8 +151,10 @@ class Pwmgens(CommandedInstances[Pwmgen]):
             rate = whole(frequency * 65536 * 2**bits / self.clock)
             if 1 <= rate <= 0xFFFF:
                 return bits, rate
-        limit = self.clock * 0xFFFF / 65536 / 2 ** _WIDTHS[-1]
-        raise ValueError(f"PWM frequency {frequency} Hz is outside 0..{limit:.0f} Hz")
+        low, high = (
+            self.clock * rate / 65536 / 2**bits for rate, bits in ((0.5, _WIDTHS[0]), (0xFFFF, _WIDTHS[-1]))
+        )
+        raise ValueError(f"PWM frequency {frequency} Hz is outside {low:.2f}..{high:.0f} Hz")
 
     @property
     def frequency(self) -> float:
@@ -173,7 +175,9 @@ class Pwmgens(CommandedInstances[Pwmgen]):
     @pdm_frequency.setter
     def pdm_frequency(self, hertz: float) -> None:
         if not 1 <= hertz * 65536 / self.clock < 65536:
-            raise ValueError(f"PDM frequency {hertz} Hz is outside 1..{self.clock} Hz")
+            raise ValueError(
+                f"PDM frequency {hertz} Hz is not within {self.clock / 65536:.0f}..{self.clock} Hz"
+            )
         self._pdm_frequency = hertz
         self.configure()
 

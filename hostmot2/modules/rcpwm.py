@@ -121,7 +121,10 @@ class Rcpwms(CommandedInstances[Rcpwm]):
 
     @property
     def frequency(self) -> float:
-        """Pulses per second of all outputs, 0.01 to 1000; the default is 50."""
+        """Pulses per second of all outputs; the default is 50.
+
+        Set: 0.01 to 1000, and not below ClockLow / 2^32 (0.023 with 100 MHz). Raises ValueError.
+        """
         return self.clock / self._period
 
     @frequency.setter

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from hostmot2 import errors
 from hostmot2._core import ffi, lib
 from hostmot2.cycle import Order
-from hostmot2.modules.instances import Instances
+from hostmot2.modules.instances import Instances, switched
 from hostmot2.registers import Gtag, ResolverExcitation
 from hostmot2.registers import Resolver as Registers
 
@@ -88,7 +88,7 @@ class Resolver:
 
     @index_enable.setter
     def index_enable(self, on: bool) -> None:
-        self._state.index_enable = bool(on)
+        self._state.index_enable = switched(on)
 
     @property
     def index_divisor(self) -> int:

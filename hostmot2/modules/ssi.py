@@ -42,7 +42,8 @@ class Ssi:
         fields = parse_format(encoder_format, _DATA_BITS)
         rate = whole(frequency * 65536 / self._all.clock)
         if not 1 <= rate <= _CONTROL.rate.maximum:
-            raise ValueError(f"SSI {self.index}: {frequency} Hz is outside 0..{self._all.clock} Hz")
+            low, high = (self._all.clock * rate / 65536 for rate in (0.5, _CONTROL.rate.maximum))
+            raise ValueError(f"SSI {self.index}: {frequency} Hz is outside {low:.0f}..{high:.0f} Hz")
         if not 0 <= timer <= 4:
             raise ValueError(f"there is no DPLL timer {timer}")
         self._fields, self._rate, self._timer = fields, rate, timer

@@ -176,8 +176,8 @@ class TpPwms(CommandedInstances[TpPwm]):
     def _rate_of(self, hertz: float) -> int:
         rate = whole(hertz * 65536 * _CLOCKS / self.clock)
         if not 1 <= rate <= Registers.rate.rate.maximum:
-            limit = self.clock * Registers.rate.rate.maximum / 65536 / _CLOCKS
-            raise ValueError(f"PWM frequency {hertz} Hz is outside 0..{limit:.0f} Hz")
+            low, high = (self.clock * n / 65536 / _CLOCKS for n in (0.5, Registers.rate.rate.maximum))
+            raise ValueError(f"PWM frequency {hertz} Hz is outside {low:.2f}..{high:.0f} Hz")
         return rate
 
     @property

@@ -118,9 +118,9 @@ class SserialPort(PortMemory):
     def untouched(self) -> Iterator[None]:
         """In the with block the first use does not reset the port: read what the last program left.
 
-        Status and counters, that is: every other use belongs behind the block. A program that closed its board
-        has stopped its channels, which cleared both; what is left is that of one that was killed. Raises
-        NoFirmware, CommandHung, TransportError.
+        Status and counters, that is: every other use belongs behind the block. A program that closed its
+        board has stopped its channels, which cleared both; what is left is that of one that was killed.
+        Raises NoFirmware, CommandHung, TransportError.
         """
         with self._lock:
             fresh = not self._is_ready

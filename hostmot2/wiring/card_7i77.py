@@ -1,7 +1,7 @@
 """7I77 and 7I77D. Source: 7I77 manual, hardware configuration, connectors, operation, specifications.
 
-Where the manual's text and its table of specifications differ the stricter figure is taken: VIN from 10 V (text:
-8), field voltage up to 28 V (text: 32), 0.3 A an output (table: 0.35), 0.7 A of 5 V (text: about 0.65).
+Where the manual's text and its table of specifications differ the stricter figure is taken: VIN from 10 V
+(text: 8), field voltage up to 28 V (text: 32), 0.3 A an output (table: 0.35), 0.7 A of 5 V (text: 0.65).
 """
 
 from hostmot2.wiring.facts import CardFacts, Connector, Jumper, Led, Limit, RemoteFacts, Terminal
@@ -208,7 +208,7 @@ CARD_7I77 = CardFacts(
         "5 V: CR1 is on. W5 left: the FPGA card is jumpered to supply the cable; W5 right: 5 V on TB1-2",
         "never 5 V on TB1 with W5 left: it feeds back into the FPGA card and the PC",
         "analog supply: CR6 and CR7 are on",
-        "field logic: VIN on TB2-5, 10 to 32 V against TB2-8 (or W1 left and VFIELD on TB2-1 to 4, 10 to 28 V)",
+        "field logic: VIN on TB2-5, 10 to 32 V against TB2-8, or W1 left and VFIELD, TB2-1 to 4, 10 to 28 V",
         "field power: CR3 is on; no switch or relay in the VFIELD line",
         "operate mode: W4 (analog) and W12 (field I/O) left",
     ),

@@ -148,7 +148,17 @@ def test_what_is_no_7i77_is_refused() -> None:
     board = EmulatedBoard("5i25+7i77", clock="virtual")
     board.sserial[0].attach(0, catalog.remote("7i64"))
     board.sserial[0].attach(1, catalog.remote("7i77-analog"))
-    with pytest.raises(KeyError):
+    with pytest.raises(TypeError, match="analogout0"):
         couple_dc_motor(board, channels=(0, 0))
     with pytest.raises(ValueError, match="axis"):
         couple_dc_motor(board, axis=6)
+
+
+def test_a_motor_on_a_remote_of_another_kind_is_a_type_error() -> None:
+    board = EmulatedBoard("5i25+7i77", clock="virtual")
+    with pytest.raises(TypeError, match="7I77 on this channel cannot be coupled"):
+        couple_pm_motor(board, channel=0)
+    with pytest.raises(TypeError, match="analogout0"):
+        couple_dc_motor(board, channels=(1, 0))
+    with pytest.raises(IndexError, match="no encoder input 9"):
+        couple_dc_motor(board, encoder=9)

@@ -349,3 +349,18 @@ def test_filter_rates_up_to_the_clock(monkeypatch: pytest.MonkeyPatch, rate: flo
         module.filter_rate = rate
         assert words[FILTER] & 0xFFF == divider
         assert module.filter_rate == pytest.approx(rate)
+
+
+@pytest.mark.parametrize("setting", ["filter", "counter_mode", "index_active_high"])
+def test_text_is_no_setting(board: Board, setting: str) -> None:
+    encoder = board.encoders[0]
+    before = getattr(encoder, setting)
+    with pytest.raises(TypeError, match="True or False"):
+        setattr(encoder, setting, "off")
+    assert getattr(encoder, setting) is before
+
+
+def test_a_refused_timestamp_rate_names_the_range(board: Board) -> None:
+    for rate in (100.0, 20e6):
+        with pytest.raises(ValueError, match=r"Hz is outside 1017\.\.16666666 Hz"):
+            board.encoders.modules[0].timestamp_rate = rate

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -193,3 +194,13 @@ def test_it_prints_what_is_on(board: Board, emulated: EmulatedBoard) -> None:
     emulated.advance(10 * SCAN_US)
     board.cycle.run()
     assert repr(inputs) == "<Inms 0 on: 1 3>"
+
+
+def test_text_is_no_switch(board: Board) -> None:
+    wrong: Any = "off"
+    inputs = board.inms[0]
+    with pytest.raises(TypeError, match="True or False"):
+        inputs.counters[0].every_edge = wrong
+    with pytest.raises(TypeError, match="True or False"):
+        inputs.set_slow(1, wrong)
+    assert (inputs.counters[0].every_edge, inputs.is_slow(1)) == (False, False)

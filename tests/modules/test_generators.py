@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -367,3 +368,21 @@ def test_firmware_that_can_swaps_step_and_direction(monkeypatch: pytest.MonkeyPa
         swapped = seen[STEP + 0x204]
         stepgen.swap_outputs(False)
         assert swapped ^ seen[STEP + 0x204] == 1 << 2
+
+
+@pytest.mark.parametrize("number", [-1, 0, 5])
+def test_there_are_timers_1_to_4(board: Board, number: int) -> None:
+    with pytest.raises(ValueError, match=f"timer {number} is outside"):
+        board.dpll.timer(number)
+
+
+def test_a_refused_frequency_names_a_range_that_it_is_outside_of(board: Board) -> None:
+    for group, attribute, wrong in (
+        (board.pwmgens, "frequency", 0.1),
+        (board.pwmgens, "pdm_frequency", 2.0),
+        (board.pwmgens, "frequency", 1e9),
+    ):
+        with pytest.raises(ValueError, match="Hz is") as refused:
+            setattr(group, attribute, wrong)
+        low, high = re.findall(r"([\d.]+)\.\.(\d+) Hz", str(refused.value))[0]
+        assert not float(low) <= wrong <= float(high), refused.value

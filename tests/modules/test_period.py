@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -159,3 +160,10 @@ def test_it_prints_a_frequency_or_that_there_is_none(board: Board, emulated: Emu
         emulated.advance(2000.0)
         board.cycle.run()
     assert repr(meter) == "<Period 1 1000 Hz>"
+
+
+def test_text_turns_nothing_upside_down(board: Board) -> None:
+    wrong: Any = "off"
+    with pytest.raises(TypeError, match="True or False"):
+        board.periods[0].invert = wrong
+    assert board.periods[0].invert is False

@@ -244,3 +244,10 @@ def test_they_print_their_rates(board: Board) -> None:
     assert len(board.pktuarts) == 2
     board.pktuarts[0].setup(9600)
     assert repr(board.pktuarts).splitlines() == ["<Pktuart 0 9602 baud>", "<Pktuart 1 not set up>"]
+
+
+def test_a_parity_that_is_none_of_the_three_is_refused(board: Board) -> None:
+    wrong: Any = "mark"
+    with pytest.raises(ValueError, match="parity is one of none, even, odd"):
+        board.pktuarts[0].setup(9600, parity=wrong)
+    assert board.pktuarts[0].baud == 0

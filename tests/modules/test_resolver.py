@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -181,3 +182,10 @@ def test_it_prints_position_and_angle(board: Board, emulated: EmulatedBoard) -> 
         board.cycle.run()
     assert repr(board.resolvers[2]).startswith("<Resolver 2 position ")
     assert repr(board.resolvers[2]).endswith(" angle 0.250000>")
+
+
+def test_text_asks_for_no_index(board: Board) -> None:
+    wrong: Any = "off"
+    with pytest.raises(TypeError, match="True or False"):
+        board.resolvers[0].index_enable = wrong
+    assert board.resolvers[0].index_enable is False
