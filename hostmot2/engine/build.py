@@ -36,6 +36,11 @@ class Plan:
     axes: list[Wiring] = field(default_factory=list)
     ring: RecordRing | None = None
 
+    def raise_if_full(self) -> None:
+        """ValueError if there is no room for another axis."""
+        if len(self.axes) == lib.HM2_ENGINE_AXES:
+            raise ValueError(f"an engine runs {lib.HM2_ENGINE_AXES} axes at most")
+
 
 def build(plan: Plan, board_handle: Any, cycle: Any) -> tuple[Any, object]:
     """The `struct hm2_engine *` and what to keep beside it. Raises ValueError for what it has no room for."""

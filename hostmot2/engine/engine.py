@@ -44,20 +44,17 @@ class Engine(EngineView):
     other).
 
     Outputs are off until the first write(). They go off by themselves, everything zero and enables dropped,
-    when write() has not come for `dead_man` seconds (0.1 unless told; 0: never); when `stale_limit` exchanges
-    in a row (5; 0: never) failed, or brought no result of a port that could be told from an older one; when
-    the watchdog has bitten; when a remote reports a fault (its watchdog's holds until the remote is started
-    anew: stop() the engine, start the port, start() the engine); when a port's fault bucket is full
-    (`fault_bucket`: added by a failed exchange with its remotes, taken off by a good one, limit: 10, 1, 200;
-    limit 0: never); when an axis exceeds its following error; after `overrun_limit` overruns in a row (0, the
-    default: never). The loop goes on, events() says why, and only enable() turns them on again.
-    restart_ports: how often a port given up is started anew; its outputs stay off.
+    when write() has not come for `dead_man` seconds (0.1); when `stale_limit` exchanges in a row (5) failed,
+    or brought no result of a port that could be told from an older one; when the watchdog has bitten; when a
+    remote reports a fault (its own watchdog's holds: stop() the engine, start the port, start() the engine);
+    when a port's fault bucket is full (`fault_bucket`: added by a failed exchange with its remotes, taken off
+    by a good one, limit: 10, 1, 200); when an axis exceeds its following error; after `overrun_limit` overruns
+    in a row (0). A limit of 0 is none. The loop goes on, events() says why, only enable() turns them on again.
+    restart_ports: how often a port given up is started anew, outputs off.
 
-    overrun: "skip" (the default) leaves periods out that have passed, "catch-up" makes up for up to ten.
-    reply_timeout: seconds that a reply is waited for, by default 0.8 of a period, 20 ms at most. real_time:
-    SCHED_FIFO (True: 60, or a priority), memory locked; cpu: the processor to run on; early: seconds awake
-    before the time, 60 us unless told. What the system refuses is a RealTimeWarning; a rate or option that
-    cannot be is a ValueError.
+    overrun: "skip" leaves periods out that have passed, "catch-up" makes up for up to ten. reply_timeout:
+    by default 0.8 of a period, 20 ms at most. real_time: SCHED_FIFO (True: 60, or a priority), memory locked;
+    cpu: the processor; early: seconds awake before the time (60 us). Refused: a RealTimeWarning.
 
     On a card with virtual time there is no thread: frames() and step() run the cycles.
 
@@ -143,12 +140,11 @@ class Engine(EngineView):
 
         feedback, output: names of an input and an output, "encoder0.position" and "analogout0".
         feedback_velocity: an input; by default the one beside a "....position". velocity_command: the
-        command comes with its velocity. settings: see axis.SETTINGS. Raises KeyError for the names, TypeError
-        and ValueError for the settings, ValueError for more than 16 axes and a name that is there already.
+        command comes with its velocity. settings: see axis.SETTINGS. Raises KeyError for the names,
+        ValueError for one that is there and for a 17th axis.
         """
         self._before_start()
-        if len(self._plan.axes) == lib.HM2_ENGINE_AXES:
-            raise ValueError(f"an engine runs {lib.HM2_ENGINE_AXES} axes at most")
+        self._plan.raise_if_full()
         readings = self._vectors.input_names
         feedback_name = self.input_names[readings[feedback]]
         if feedback_velocity is None and feedback_name.endswith(".position"):

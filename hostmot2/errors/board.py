@@ -57,8 +57,8 @@ class WatchdogBite(BoardError):
     causes = (
         "the program waited too long between two exchanges: a slow callback, a debugger, a blocking call",
         "the machine was late: no real-time scheduling, swapping, power saving",
-        "the time-out is shorter than what is done between exchanges (a first start of empty smart-serial "
-        "channels takes 57 ms)",
+        "the time-out is shorter than what is done between exchanges (the first start of smart serial takes "
+        "36 ms for a 7I77, 90 ms beside an empty channel)",
         "the link to the card was lost for a while",
     )
     fix = (

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from typing import TYPE_CHECKING, Literal
 
 from hostmot2.register_map import Register
@@ -14,12 +15,16 @@ from hostmot2.sserial.errors import PortRunning
 if TYPE_CHECKING:
     from hostmot2.sserial.results import StartResult
 
+POWER_UP_SECONDS = 0.001
+"""Within this the processor has begun, if the card got its power just now, and has ended what it was at."""
+
 
 class PortMemory(ABC):
     """The part of `SserialPort` that needs no process data to run, and mostly that none runs."""
 
     _core: Core
     _lock: AbstractContextManager[object]
+    _is_ready: bool
 
     @property
     @abstractmethod
@@ -27,11 +32,43 @@ class PortMemory(ABC):
         """What messages call the port."""
 
     @abstractmethod
-    def _ready(self) -> None: ...
+    def _identify(self) -> None: ...
+
+    @abstractmethod
+    def pause(self, seconds: float) -> None:
+        """See SserialPort.pause."""
 
     @abstractmethod
     def start(self, mask: int, mode: Literal["normal", "setup"] = "normal") -> StartResult:
         """See SserialPort.start."""
+
+    def _ready(self) -> None:
+        """Reset the processor and learn what it is, once."""
+        if self._is_ready:
+            return
+        self._core.reset()
+        self._identify()
+        self._core.stop()
+        self._is_ready = True
+
+    @contextmanager
+    def untouched(self) -> Iterator[None]:
+        """In the with block the first use does not reset the port: read what the last program left.
+
+        Status and counters, that is: every other use belongs behind the block. A program that closed its
+        board has stopped its channels, which cleared both; what is left is that of one that was killed.
+        Raises NoFirmware, CommandHung, TransportError.
+        """
+        with self._lock:
+            fresh = not self._is_ready
+            if fresh:
+                self.pause(POWER_UP_SECONDS)
+                self._identify()
+                self._is_ready = True
+            try:
+                yield
+            finally:
+                self._is_ready = not fresh
 
     @property
     def revision(self) -> str:
