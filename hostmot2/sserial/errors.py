@@ -79,8 +79,9 @@ class SetupJumper(SserialError):
         "its stored baud rate (NVBAUDRATE) is 115200",
     )
     fix = (
-        "Move the jumper to operate mode and cycle the remote's power. A stored rate is changed with "
-        "`hm2 param set NVBAUDRATE 9` (2.5 Mbaud)."
+        "Move the jumper to operate mode and cycle the remote's power. A stored rate is changed through an "
+        "adapter, `hm2 param set NVBAUDRATE 9 --port PORT` (2.5 Mbaud), or in Python through the card: "
+        'channel.baud_rate = 115200, channel.discover(), channel.parameters["NVBAUDRATE"] = 9.'
     )
 
 

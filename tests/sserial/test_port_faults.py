@@ -4,7 +4,7 @@ import pytest
 
 import hostmot2
 from hostmot2._core import ffi, lib
-from hostmot2.emulator import EmulatedRemote
+from hostmot2.emulator import EmulatedBoard, EmulatedRemote
 from hostmot2.registers import LocalFault, RemoteFault
 from hostmot2.sserial import (
     CommandHung,
@@ -329,3 +329,18 @@ def test_what_a_program_that_was_killed_left_is_seen_before_the_port_is_reset(ca
             assert board.sserial.revision == "1.43"
         assert board.sserial.counters()[0].crc_errors == 0
         assert board.sserial.channels[0].status.state == "stopped"
+
+
+def test_a_stored_rate_is_mended_through_the_card_as_the_error_says():
+    with EmulatedBoard("5i25+7i77", clock="virtual") as card, hostmot2.open(card) as board:
+        remote = card.sserial[0].remote(1)
+        remote.set_raw("NVBaudRate", 4)  # 115200
+        remote.power_cycle()
+        assert "115.2 kbaud only" in repr(board.sserial.scan(setup_rate=True))
+        channel = board.sserial.channels[1]
+        channel.baud_rate = 115200
+        channel.discover()
+        channel.parameters["NVBAUDRATE"] = 9
+        remote.power_cycle()
+        board.sserial.reset()
+        assert board.sserial.scan()[1].found
