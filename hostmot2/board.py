@@ -230,10 +230,10 @@ class Board:
     def recover(self) -> None:
         """Use the card again after LinkFailed: the link's errors forgotten, the configuration written anew.
 
-        A bite that happened meanwhile is accepted, as by watchdog.acknowledge(). Outputs stay off, smart
-        serial stopped and the watchdog disarmed until you ask for them again. Call it when the cause is
-        gone; stop an engine first. Raises TransportError if the card does still not answer: then call it
-        again, or close().
+        A bite that happened meanwhile is accepted, as by watchdog.acknowledge(), and leaves the watchdog
+        disarmed. Outputs stay off and smart serial stopped until you ask for them again. Call it when the
+        cause is gone; stop an engine first. Raises TransportError if the card does still not answer: then
+        call it again, or close().
         """
         with self.lock:
             has_watchdog = any(module.gtag == Gtag.WATCHDOG for module in self.modules)

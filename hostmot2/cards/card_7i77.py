@@ -36,7 +36,10 @@ class AnalogOutput:
 
     @property
     def volts(self) -> float:
-        """The commanded output, -10 to 10 V; values outside are limited. Drives only while enabled."""
+        """The commanded output, -10 to 10 V. Drives only while enabled.
+
+        Values outside are limited when they are sent; reading gives what was set.
+        """
         return float(self._card.analog_channel.outputs[f"analogout{self.index}"])
 
     @volts.setter

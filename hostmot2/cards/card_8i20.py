@@ -29,7 +29,11 @@ class Card8i20(SingleRemoteCard):
 
     @property
     def current(self) -> float:
-        """Commanded torque current in A, limited to +-max_current."""
+        """Commanded torque current in A.
+
+        Limited to +-max_current when it is sent; reading gives what was set. Setting raises ValueError for
+        what is no number, and for other than 0 CardFault while the drive has a fault or is not started.
+        """
         return float(self.channel.outputs["current"])
 
     @current.setter
