@@ -23,6 +23,10 @@ from hostmot2.registers import Gtag, Id
 from hostmot2.transports.base import Transport
 
 
+LONGEST_PAUSE = 1e9
+"""Seconds."""
+
+
 class SafeOff(IntEnum):
     """The order in which close() makes a card safe; lower first.
 
@@ -183,7 +187,12 @@ class Board:
         return int(lib.hm2_board_now_ns(self._handle))
 
     def pause(self, seconds: float) -> None:
-        """Let `seconds` of the card's clock pass. Other threads may use the board meanwhile."""
+        """Let `seconds` of the card's clock pass; below 0: none. Other threads may use the board meanwhile.
+
+        Raises ValueError for infinity and what is no number.
+        """
+        if not seconds < LONGEST_PAUSE:
+            raise ValueError(f"a pause of {seconds} s")
         lib.hm2_board_pause_ns(self._handle, round(seconds * 1e9))
 
     def card(self, name: str) -> Any:

@@ -359,3 +359,13 @@ def test_a_transport_whose_package_is_missing_is_no_card(monkeypatch: pytest.Mon
 def test_pins_of_raw_ports_are_numbered_only_where_that_is_known(width: int, pin: int | None) -> None:
     facts = BoardFacts("X", "MESAX", 1, width, ("P1",), 2, "")
     assert facts.connector_pin(7) == ("P1", pin)
+
+
+@pytest.mark.parametrize("seconds", [float("inf"), float("nan"), 1e300])
+def test_a_pause_for_ever_is_refused(seconds: float) -> None:
+    with hostmot2.open("emu://5i25+7i77?clock=virtual") as board:
+        with pytest.raises(ValueError, match="a pause of"):
+            board.pause(seconds)
+        before = board.now_ns()
+        board.pause(-1.0)
+        assert board.now_ns() == before
