@@ -22,7 +22,6 @@ from hostmot2.parts import PARTS
 from hostmot2.registers import Gtag, Id
 from hostmot2.transports.base import Transport
 
-
 LONGEST_PAUSE = 1e9
 """Seconds."""
 

@@ -10,6 +10,7 @@ import sys
 import tomllib
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import page as pages
@@ -103,3 +104,15 @@ def test_links_of_a_page_outside_the_site_lead_somewhere(name: str) -> None:
     """Those between the pages of docs/ are checked when the site is built."""
     links = re.findall(r"\]\((?!https?:|#)([^)#]+)", (ROOT / name).read_text())
     assert not [link for link in links if not (ROOT / link).exists()]
+
+
+@pytest.mark.parametrize("package", ["sserial", "lbp", "recording", "live", "emulator"])
+def test_what_public_classes_inherit_is_on_a_page_of_the_api(package: str) -> None:
+    """mkdocstrings shows what a class itself defines."""
+    public = import_module(f"hostmot2.{package}")
+    shown = "\n".join(page.read_text() for page in (ROOT / "docs" / "reference" / "api").glob("*.md"))
+    classes = [getattr(public, name) for name in public.__all__ if isinstance(getattr(public, name), type)]
+    bases = {base for each in classes if not issubclass(each, Exception) for base in each.__mro__[1:]}
+    ours = {base for base in bases if base.__module__.startswith("hostmot2.")} - set(classes)
+    missing = [f"{base.__module__}.{base.__qualname__}" for base in ours]
+    assert not [name for name in sorted(missing) if f"::: {name}\n" not in shown]

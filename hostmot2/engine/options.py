@@ -29,7 +29,7 @@ _OVERRUNS = {"skip": lib.HM2_OVERRUN_SKIP, "catch-up": lib.HM2_OVERRUN_CATCH_UP}
 
 
 class Options(TypedDict, total=False):
-    """What may be told, as keywords; the defaults are those of new_config."""
+    """What may be told, as keywords; see Engine for the meaning and the defaults."""
 
     style: Style
     dead_man: float
