@@ -208,6 +208,12 @@ def test_sserial_status_and_counters_name_every_channel(hm2) -> None:
     assert [row["timeouts"] for row in counters] == [0, 0, 0]
 
 
+def test_sserial_stop_stops_all_channels_and_says_so(hm2) -> None:
+    """Its first use resets the port."""
+    assert json.loads(hm2(*EMULATED, "--json", "sserial", "stop", "0x02")[1]) == {"stopped": 0xFF}
+    assert "Always all channels" in hm2("sserial", "stop", "--help")[1]
+
+
 def test_sserial_refuses_ports_and_masks_that_cannot_be(hm2) -> None:
     assert hm2(*EMULATED, "sserial", "scan", "--port", "1")[0] == 2
     status, _, err = hm2(*EMULATED, "sserial", "start", "0x100")

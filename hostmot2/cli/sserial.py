@@ -149,16 +149,17 @@ def _inputs(port: SserialPort, mask: int) -> dict[int, dict[str, Any]]:
 @port_option
 @reports
 def stop(session: Session, mask: int | None, number: int) -> None:
-    """Stop the channels in MASK, all without one.
+    """Stop what a program that was killed has left running.
+
+    Always all channels, whatever MASK says: beginning with a port resets it, which stops the others, too.
 
     \b
     Examples:
       hm2 sserial stop
-      hm2 sserial stop 0x02
     """
     with port_of(session, number) as (_, port):
         port.stop(mask)
-    session.report({"stopped": 0xFF if mask is None else mask}, "stopped")
+    session.report({"stopped": 0xFF}, "stopped")
 
 
 @sserial.command()
