@@ -106,16 +106,17 @@ class EncoderModule:
     def skew(self) -> float:
         """Seconds by which sampling of multiplexed inputs is delayed (cable); 0 to 15 periods of ClockLow.
 
-        Rule of thumb: 20 ns plus 3 ns per foot of cable; rounded to clocks. Longer than the multiplexer and
-        its cable really take, it swaps the two encoders of each pair. Raises UnsupportedFirmware where
+        Rule of thumb: 20 ns plus 3 ns per foot of cable; rounded down to clocks. Longer than the multiplexer
+        and its cable really take, it swaps the two encoders of each pair. Raises UnsupportedFirmware where
         firmware has none, ValueError.
         """
         return self._skew / self._descriptor.clock
 
     @skew.setter
     def skew(self, seconds: float) -> None:
-        clocks = whole(seconds * self._descriptor.clock)
-        if not self.has_skew and clocks:
+        periods = seconds * self._descriptor.clock
+        clocks = math.floor(periods + 1e-6) if 0 <= periods < math.inf else -1
+        if not self.has_skew and periods:
             raise errors.UnsupportedFirmware(
                 f"encoders of version {self.version} cannot delay sampling; 4 and 0x84 can"
             )

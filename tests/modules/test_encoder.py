@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -11,6 +12,7 @@ import hostmot2
 from hostmot2 import errors
 from hostmot2.board import Board
 from hostmot2.emulator.board import EmulatedBoard
+from hostmot2.emulator.cards import card
 from hostmot2.idrom import HostMot2Warning
 from hostmot2.registers import Encoder, Gtag
 from tests.emulator.test_engine_skips import CARD as PROBE
@@ -364,3 +366,21 @@ def test_a_refused_timestamp_rate_names_the_range(board: Board) -> None:
     for rate in (100.0, 20e6):
         with pytest.raises(ValueError, match=r"Hz is outside 1017\.\.16666666 Hz"):
             board.encoders.modules[0].timestamp_rate = rate
+
+
+def test_a_skew_of_just_the_delay_does_not_swap_the_encoders_of_a_pair() -> None:
+    """card_observed 4: no more than the delay; 80 ns are 2.7 clocks of a 5I25, and 3 would be too many."""
+    known = card("5i25+7i77")
+    with_skew = tuple(replace(m, version=4) if m.gtag == Gtag.MUXED_ENCODER else m for m in known.modules)
+    emulated = EmulatedBoard(replace(known, modules=with_skew), clock="virtual")
+    emulated.mux_delay_ns = 80.0
+    with hostmot2.open(emulated) as board:
+        board.encoders.modules[0].skew = 80e-9
+        assert board.encoders.modules[0].skew == pytest.approx(60e-9, rel=1e-3)
+        board.cycle.run()
+        emulated.encoder_input(0).set_rate(10_000)
+        emulated.encoder_input(1)
+        for _ in range(10):
+            emulated.advance(1000.0)
+            board.cycle.run()
+        assert (board.encoders[0].count, board.encoders[1].count) == (pytest.approx(100, abs=2), 0)
