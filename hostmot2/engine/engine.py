@@ -47,10 +47,9 @@ class Engine(EngineView):
     when write() has not come for `dead_man` seconds (0.1); when `stale_limit` exchanges in a row (5) failed,
     or brought no result of a port that could be told from an older one; when the watchdog has bitten; when a
     remote reports a fault (its own watchdog's holds: stop() the engine, start the port, start() the engine);
-    when a port's fault bucket is full (`fault_bucket`: added by a failed exchange with its remotes, taken off
-    by a good one, limit: 10, 1, 200); when an axis exceeds its following error; after `overrun_limit` overruns
-    in a row (0). A limit of 0 is none. The loop goes on, events() says why, only enable() turns them on again.
-    restart_ports: how often a port given up is started anew, outputs off.
+    when a port's `fault_bucket` (failed exchanges add, good ones take off, limit: 10, 1, 200) is full; when
+    an axis exceeds its following error; after `overrun_limit` overruns in a row (0). 0 is no limit. The loop
+    goes on, events() says why, only enable() turns them on again. restart_ports: starts of a given-up port.
 
     overrun: "skip" leaves periods out that have passed, "catch-up" makes up for up to ten. reply_timeout:
     by default 0.8 of a period, 20 ms at most. real_time: SCHED_FIFO (True: 60, or a priority), memory locked;
