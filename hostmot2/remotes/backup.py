@@ -128,10 +128,15 @@ def differences(before: Mapping[str, Number], after: Mapping[str, Number]) -> li
     found = [
         Difference(name, value, there.get(name.casefold()))
         for name, value in before.items()
-        if there.get(name.casefold()) != value
+        if not _same(there.get(name.casefold()), value)
     ]
     added = [Difference(name, None, value) for name, value in after.items() if name.casefold() not in here]
     return found + added
+
+
+def _same(one: Number | None, other: Number) -> bool:
+    """Equal, or both no number: so an erased cell reads that holds a FLOAT."""
+    return one == other or (one is not None and one != one and other != other)
 
 
 def check(
@@ -150,7 +155,8 @@ def check(
         try:
             parameters.parameter(name).encode(value)
         except (ValueError, TypeError) as mistake:
-            raise WrongBackup(str(mistake)) from mistake
+            if not _same(parameters[name], value):  # what is there already need not be written
+                raise WrongBackup(str(mistake)) from mistake
 
 
 def planned(backup: Backup, description: RemoteDescription, parameters: Parameters) -> list[Difference]:

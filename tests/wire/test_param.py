@@ -12,10 +12,14 @@ import hostmot2
 from hostmot2 import lbp
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.ftdi import VirtualFtdi, plug, unplug
+from hostmot2.fields import Direction, Field, FieldKind
 from hostmot2.remotes import backup as backups
+from hostmot2.remotes.discovery import RemoteDescription
 from hostmot2.remotes.errors import VerifyFailed, WrongBackup
+from hostmot2.remotes.parameters import Parameters
 from hostmot2.sserial import PortRunning
 from wire.lines import connect, emulated, on_pty, tell
+from wire.test_parameters import Memory
 
 pytestmark = pytest.mark.timeout(60)
 CARD = ("--board", "emu://5i25+7i77?clock=virtual")
@@ -185,3 +189,24 @@ def test_adapters_are_listed(hm2) -> None:
         assert hm2("param", "get", "BUSV", "--port", "ftdi:///1")[1] == "BUSV = 32000  (320 V)"
     finally:
         unplug()
+
+
+def test_a_cell_that_holds_what_it_may_not_is_kept_and_keeps_no_other_from_being_restored() -> None:
+    """An erased EEPROM cell: 0xFFFF is no baud rate, and no FLOAT."""
+    memory = Memory()
+    fields = [
+        Field("NVBaudRate", FieldKind.NONVOL_UNSIGNED, 16, Direction.BIDIRECTIONAL, 0, 11, "", 0x10),
+        Field("NVGain", FieldKind.NONVOL_FLOAT, 32, Direction.BIDIRECTIONAL, 0, 1, "", 0x20),
+        Field("NVTime", FieldKind.NONVOL_UNSIGNED, 16, Direction.BIDIRECTIONAL, 0, 100, "", 0x30),
+    ]
+    memory.spaces[1][:] = b"\xff" * 0x30 + b"\x32" + bytes(0xCF)
+    values = Parameters(memory, fields)
+    found = RemoteDescription("7I77", 1, parameters=tuple(fields))
+    taken = backups.take(found, values)
+    assert backups.differences(taken.values, {name: values[name] for name in values}) == []
+    memory.spaces[1][0x30] = 0x40
+    backups.check(taken, found, values, other_unit=False)
+    assert [(c.name, c.after) for c in backups.planned(taken, found, values)] == [("NVTime", 0x32)]
+    memory.spaces[1][0x10] = 9
+    with pytest.raises(WrongBackup, match="65535 is outside"):
+        backups.check(taken, found, values, other_unit=False)
