@@ -33,6 +33,7 @@ int hm2_sserial_open(struct hm2_board *board, const hm2_sserial_config *config, 
 		/* until the remote's tables are known every register may carry bits */
 		new_port->channels[channel].input_registers = config->data_registers;
 		new_port->channels[channel].output_registers = config->data_registers;
+		new_port->channels[channel].space = SPACE_UNKNOWN;
 	}
 	*port = new_port;
 	return HM2_OK;

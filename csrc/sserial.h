@@ -33,6 +33,8 @@
 #define POLL_SHORT_NS 1000
 #define POLL_START_NS 100000
 
+#define SPACE_UNKNOWN UINT32_MAX
+
 /* Bits of CS that report a fault or the loss of a channel; COM_STATE is not one of them. */
 #define CS_FAULTS                                                                                                  \
 	(HM2_SSERIAL_CS_REMOTE_FAULT_MASK | HM2_SSERIAL_CS_LOCAL_FAULT_MASK |                                      \
@@ -62,7 +64,7 @@ struct sserial_channel {
 	uint32_t input_registers, output_registers; /* that carry process bits */
 	uint32_t watch_register, watch_mask;
 	hm2_fault_watch watch;
-	uint32_t space; /* memory space the remote was left in */
+	uint32_t space; /* memory space the remote was left in, or SPACE_UNKNOWN */
 	hm2_sserial_identity identity;
 };
 

@@ -137,7 +137,8 @@ void sserial_forget(struct hm2_sserial *port, uint32_t mask)
 			continue;
 		memset(port->image.outputs[channel], 0, sizeof port->image.outputs[channel]);
 		port->channels[channel].watch = (hm2_fault_watch){0, 0, 0, 0, 0};
-		port->channels[channel].space = 0;
+		/* a stop leaves a remote's space as it is, and the next start may find another remote there */
+		port->channels[channel].space = SPACE_UNKNOWN;
 	}
 	if (!port->started)
 		port->mode = HM2_SSERIAL_STOPPED;

@@ -5,6 +5,7 @@
 #define LAST_LOCAL_ADDRESS 0xFFFu
 #define LBP_ADDRESSED 0x04u /* header bit: a 16-bit address follows */
 #define LBP_WRITE 0x20u
+#define SELECT_SPACE (HM2_LBP_COMMAND_WRITE_LOCAL | HM2_LBP_LOCAL_MEMORY_SPACE)
 
 static int check_local(const struct hm2_sserial *port, uint32_t address, size_t count, hm2_error *error)
 {
@@ -84,6 +85,8 @@ int hm2_sserial_access(struct hm2_sserial *port, uint32_t channel, uint32_t comm
 		return sserial_fail(error, HM2_ERR_RANGE, "sserial remote", 0, (int)channel);
 	if (port->mode != HM2_SSERIAL_SETUP || !(port->started & 1u << channel))
 		return not_started(error, channel);
+	if (command == SELECT_SPACE)
+		port->channels[channel].space = SPACE_UNKNOWN; /* whoever asks: its answer may get lost */
 	int status = sserial_settle(port, "sserial remote", error);
 	for (uint32_t i = 0; i < 2 && status == HM2_OK && command & LBP_WRITE; i++)
 		status = sserial_write(port, HM2_SSERIAL_USER0 + i, channel, words[i], error);
@@ -127,9 +130,8 @@ static int select_space(struct hm2_sserial *port, uint32_t channel, uint32_t spa
 	struct sserial_channel *known = &port->channels[channel];
 	if (known->space == space)
 		return HM2_OK;
-	known->space = ~0u; /* unknown until the write is confirmed */
-	const int status = access_again(port, channel, HM2_LBP_COMMAND_WRITE_LOCAL | HM2_LBP_LOCAL_MEMORY_SPACE, 0,
-	                                &value, error);
+	/* its write makes it unknown, until that is confirmed */
+	const int status = access_again(port, channel, SELECT_SPACE, 0, &value, error);
 	if (status == HM2_OK)
 		known->space = space;
 	return status;
@@ -153,6 +155,10 @@ static int access_in_space(struct hm2_sserial *port, uint32_t channel, uint32_t 
 	int status = select_space(port, channel, space, error);
 	if (status == HM2_OK)
 		status = access_again(port, channel, command, address, value, error);
+	else if (error)
+		error->address = address; /* what was asked for */
+	if (status != HM2_OK && space == HM2_LBP_SPACE_RAM)
+		return status;
 	hm2_error why = {0};
 	const int restored = select_space(port, channel, HM2_LBP_SPACE_RAM, &why);
 	if (status != HM2_OK || restored == HM2_OK)

@@ -2,6 +2,9 @@
 
 import pytest
 
+import hostmot2
+from hostmot2 import lbp
+from hostmot2.lbp.card import open_channel
 from hostmot2.sserial import (
     BrokenTable,
     NoRemote,
@@ -12,6 +15,9 @@ from hostmot2.sserial import (
 
 from .remotes import field_io
 from .tables import IN, UNSIGNED, element
+
+SPACE_REGISTER = 0xEC
+"""LBP command that writes the memory space."""
 
 
 def test_a_broken_parameter_table_costs_the_parameters_only(card, hm2):
@@ -177,3 +183,47 @@ def test_writes_that_cannot_be_reach_no_remote(hm2, field, address, value, size)
     with pytest.raises(ValueError, match=r"fit|size|outside"):
         hm2.sserial.write_remote(0, address, value, size)
     assert len(field.writes) == before
+
+
+def test_a_remote_left_in_its_eeprom_is_not_taken_for_one_in_ram(hm2, field):
+    channel = hm2.sserial.channels[0]
+    field.poke(0x20, b"\x11")
+    assert channel.read_remote(0x20, space=1) == 50
+    hm2.sserial.access_remote(0, SPACE_REGISTER, 0, 1)
+    assert channel.read_remote(0x20) == 0x11
+    hm2.sserial.access_remote(0, SPACE_REGISTER, 0, 1)
+    hm2.sserial.stop()
+    assert channel.read_remote(0x20) == 0x11
+
+
+def test_a_write_cut_short_in_the_eeprom_does_not_send_the_next_one_there(hm2, field):
+    channel = hm2.sserial.channels[0]
+    assert channel.read_remote(0x20, space=1) == 50
+    hm2.sserial.access_remote(0, SPACE_REGISTER, 0, 1)
+    field.alive = False
+    with pytest.raises(RemoteSilent):
+        channel.read_remote(0x20)
+    hm2.sserial.stop()
+    field.alive = True
+    channel.write_remote(0x20, 0x77)
+    assert field.peek(0x20) == b"\x77"
+    assert field.peek(0x20, space=1) == b"\x32"
+
+
+def test_a_program_that_was_killed_in_the_eeprom_leaves_its_successor_nothing_wrong(card, field):
+    with hostmot2.open(card) as board:
+        board.sserial.access_remote(0, SPACE_REGISTER, 0, 1)
+    with hostmot2.open(card) as board:
+        assert board.sserial.start(0x01).failed == 0
+        assert list(board.sserial.channels[0].inputs) == ["input"]
+
+
+def test_an_lbp_client_that_lost_its_line_in_the_eeprom(card, hm2, field):
+    remote = open_channel(hm2.sserial[0], 0)
+    assert lbp.parameters(remote)["NVWatchDogTimeout"] == 50
+    field.poke(0x20, b"\x11")
+    hm2.sserial.access_remote(0, SPACE_REGISTER, 0, 1)
+    field.alive = False
+    remote.close()
+    field.alive = True
+    assert hm2.sserial.channels[0].read_remote(0x20) == 0x11
