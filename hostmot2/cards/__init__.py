@@ -47,7 +47,7 @@ class Cards:
         if not isinstance(name, str):
             raise TypeError(f"a card's name is a string such as '7i77', not {type(name).__name__}")
         name = name.lower()
-        if name not in self._found:
+        if not self._found.get(name):  # none there may mean: not yet powered
             self._found[name] = list(self._finder(name)(self._board))
         return self._found[name]
 

@@ -125,10 +125,8 @@ class Card7i77(RemoteCard):
 
     def _drop_enables(self, faults: tuple[Fault, ...]) -> None:
         """A new fault of this card drops both enables, whoever moved the data; they stay off."""
-        affected = any(fault.channel in self.channel_numbers for fault in faults)
-        if affected and self.analog_channel.description is not None:
-            self.analog_channel.outputs["analogena"] = False
-            self.analog_channel.outputs["spinena"] = False
+        if any(fault.channel in self.channel_numbers for fault in faults):
+            self._drop(self.analog_channel, "analogena", "spinena")
 
     def _field(self, element: str, needed: str) -> Any:
         inputs = self.field_io_channel.inputs

@@ -3,18 +3,33 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 from hostmot2.cards.remote_card import SingleRemoteCard
 from hostmot2.drive_8i20 import FAULTS, STATUS
+
+if TYPE_CHECKING:
+    from hostmot2.board import Board
+    from hostmot2.sserial import Fault, SserialPort
 
 
 class Card8i20(SingleRemoteCard):
     """One 8I20. Current 0 after start(); every exchange must set the angle that fits the rotor.
 
-    Starting enables the drive, at current 0. Values are those of the last exchange().
+    Starting enables the drive, at current 0. Values are those of the last exchange(). A fault of the drive
+    takes the current back to 0, where it stays until it is set again.
     """
 
     name = remote_name = "8I20"
+
+    def __init__(self, board: Board, port: SserialPort, channel: int) -> None:
+        super().__init__(board, port, channel)
+        port.on_faults.append(self._drop_current)
+
+    def _drop_current(self, faults: tuple[Fault, ...]) -> None:
+        """A new fault in its FAULT word, whoever moved the data."""
+        if any(fault.word_rising for fault in faults if fault.channel in self.channel_numbers):
+            self._drop(self.channel, "current")
 
     @property
     def angle(self) -> float:

@@ -59,6 +59,15 @@ class RemoteCard:
         """The live faults of the card's channels in words, empty if none."""
         return [f"channel {c.number}: {text}" for c in self.channels for text in c.status.live]
 
+    def _drop(self, channel: Channel, *elements: str) -> None:
+        """Outputs to 0, as far as the remote that is there has them: it may have been exchanged."""
+        if channel.description is None:
+            return
+        outputs = channel.outputs
+        for element in elements:
+            if element in outputs:
+                outputs[element] = 0
+
     def raise_for_faults(self) -> None:
         """Raise CardFault if the card is not started or one of its channels reports a fault."""
         if not self.started:

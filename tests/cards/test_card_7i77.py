@@ -170,6 +170,21 @@ def test_a_fault_drops_the_enables_also_behind_a_callback_that_raises(emulated: 
         assert card.analog_enable is False
 
 
+def test_a_fault_of_another_remote_in_its_place_is_no_error_of_the_card(
+    card: Any, emulated: EmulatedBoard
+) -> None:
+    card.start()
+    card.stop()
+    stranger = catalog.remote("7i64")
+    emulated.sserial[0].attach(1, stranger, through_pins=True)
+    port = card.board.sserial[0]
+    assert port.start(0b11).failed == 0
+    assert port.doit().failed == 0
+    emulated.advance(1000.0)
+    stranger.inject(skip=1)
+    assert port.doit().failed == 0b10
+
+
 def test_a_fault_drops_the_enables_and_they_stay_off(card: Any, emulated: EmulatedBoard) -> None:
     card.start()
     card.analog[0].volts = 5.0
