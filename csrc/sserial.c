@@ -115,6 +115,7 @@ int hm2_sserial_stop(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
 		return HM2_ERR_BUSY;
 	if (mask > 0xFFu)
 		return sserial_fail(error, HM2_ERR_RANGE, "sserial stop", 0, -1);
+	const uint32_t others = port->started & ~stopped;
 	send_zeroes(port, stopped);
 	const int status = sserial_command(port, HM2_SSLBP_COMMAND_STOP | mask,
 	                                   mask ? LIMIT_STOP_NS : LIMIT_STOP_ALL_NS, POLL_SHORT_NS,
@@ -123,7 +124,13 @@ int hm2_sserial_stop(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
 		return status;
 	sserial_forget(port, stopped);
 	hm2_board_pause_ns(port->board, SETTLE_STOP_NS);
-	return HM2_OK;
+	/* a DOIT with the zeroes that hung took them along */
+	if (!(others & ~port->started))
+		return HM2_OK;
+	sserial_fail(error, HM2_ERR_TIMEOUT, "sserial stop", HM2_SSERIAL_UNJAMMED, -1);
+	if (error)
+		error->received = port->lists.doit;
+	return HM2_ERR_TIMEOUT;
 }
 
 static int write_modes_and_zeroes(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
@@ -134,6 +141,7 @@ static int write_modes_and_zeroes(struct hm2_sserial *port, uint32_t mask, hm2_e
 		if (!(mask & 1u << channel))
 			continue;
 		memcpy(port->image.outputs[channel], zeroes, sizeof zeroes);
+		memcpy(port->image.inputs[channel], zeroes, sizeof zeroes);
 		for (uint32_t reg = 0; reg < port->config.data_registers && status == HM2_OK; reg++)
 			status = sserial_write(port, HM2_SSERIAL_USER0 + reg, channel, 0, error);
 		if (status == HM2_OK)

@@ -39,7 +39,9 @@ static void put(struct hm2_sserial *port, uint32_t channel, uint64_t transfer)
 void sserial_watch_transfer(struct hm2_sserial *port, uint32_t channel, uint32_t cs, int failed)
 {
 	struct sserial_channel *known = &port->channels[channel];
-	const uint32_t word = port->image.inputs[channel][known->watch_register] & known->watch_mask;
+	/* a transfer that failed brought no word: what the image holds may be from before the start */
+	const uint32_t word = failed ? known->watch.word
+	                             : port->image.inputs[channel][known->watch_register] & known->watch_mask;
 	if (hm2_fault_watch_step(&known->watch, cs, word, failed))
 		put(port, channel, port->counters.doits);
 }

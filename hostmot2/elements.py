@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -76,6 +76,26 @@ class _Names(dict[str, int]):
         return self._folded[name.casefold()]
 
 
+class _Retired(_Names):
+    """No names any more: every use raises."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__(())
+        self._error = error
+
+    def _raise(self) -> NoReturn:
+        raise self._error.with_traceback(None)  # else it grows with each use
+
+    def __missing__(self, name: str) -> int:
+        self._raise()
+
+    def __iter__(self) -> Iterator[str]:
+        self._raise()
+
+    def __len__(self) -> int:
+        self._raise()
+
+
 class Elements(Mapping[str, Value]):
     """The elements of one channel in one direction, by name, as they stand at the moment of the access.
 
@@ -92,6 +112,10 @@ class Elements(Mapping[str, Value]):
             for index, (owner, element) in enumerate(process_data._elements)
             if owner == channel and element.direction is direction and element.is_visible
         )
+
+    def retire(self, error: Exception) -> None:
+        """From now on every use raises `error`."""
+        self._index = _Retired(error)
 
     def __getitem__(self, name: str) -> Value:
         index = self._index[name]

@@ -123,7 +123,10 @@ def _check_names(elements: Iterable[Element]) -> None:
 
 
 def _with_partners(elements: list[Element]) -> list[Element]:
-    """Join the n-th upper to the n-th lower counter part of each direction; a part left over stands alone."""
+    """Join the n-th upper to the n-th lower counter part of each direction.
+
+    A part left over stands alone, and so do two that are wider together than a count.
+    """
     paired = list(elements)
     for direction in (Direction.INPUT, Direction.OUTPUT):
         upper, lower = (
@@ -131,6 +134,8 @@ def _with_partners(elements: list[Element]) -> list[Element]:
             for kind in (FieldKind.ENCODER_H, FieldKind.ENCODER_L)
         )
         for high, low in zip(upper, lower, strict=False):
+            if elements[high].field.bits + elements[low].field.bits > 64:
+                continue
             paired[high] = Element(elements[high].field, direction, elements[high].offset, low)
             paired[low] = Element(elements[low].field, direction, elements[low].offset, high)
     return paired

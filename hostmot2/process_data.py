@@ -85,6 +85,17 @@ class ProcessData:
         """Counters of a channel as at the beginning, for a remote that was started anew."""
         lib.hm2_process_data_restart(self._plan, channel)
 
+    def clear_inputs(self, channel: int) -> None:
+        """Inputs of a channel as if none had come yet."""
+        for index, (owner, element) in enumerate(self._elements):
+            if owner == channel and element.direction is Direction.INPUT:
+                self.values[index], self.raw[index] = 0.0, 0
+
+    def retire(self, error: Exception) -> None:
+        """Another has taken its place: who still holds elements of this one gets `error`, not old values."""
+        for elements in (*self.inputs.values(), *self.outputs.values()):
+            elements.retire(error)
+
     def carry_on(self, other: ProcessData) -> None:
         """Values of inputs, counts and scalings of `other`, which has the same layouts."""
         for index, scaling in enumerate(other._scalings):

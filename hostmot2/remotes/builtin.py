@@ -47,6 +47,7 @@ def describe_8i20(unit_number: int, max_current: float, software_mode: int = 0) 
         transmit_size=4,
         fault_word=(1, 0xFFFF0000),
         fault_names=("",) * 16 + drive_8i20.FAULTS,
+        scaled_by_parameter=True,
     )
 
 

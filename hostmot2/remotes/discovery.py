@@ -46,7 +46,8 @@ class RemoteDescription:
     parameters_error: why they are not known. modes: all software modes; hardware_mode, mode: the present
     ones. warnings: what was put right. receive_size and transmit_size are bytes of the process data
     exchange (0: not known), with the fault byte. fault_word: input register and mask of a fault word in
-    the process data, fault_names its bits. aliases: other names of parameters.
+    the process data, fault_names its bits. aliases: other names of parameters. scaled_by_parameter: full
+    scales are a parameter of the remote: the description holds as long as nobody writes that.
     """
 
     name: str
@@ -64,6 +65,7 @@ class RemoteDescription:
     warnings: tuple[str, ...] = ()
     fault_word: tuple[int, int] | None = None
     fault_names: tuple[str, ...] = ()
+    scaled_by_parameter: bool = False
     aliases: Mapping[str, str] = field(default_factory=dict, compare=False)
     layout: Layout = field(init=False, repr=False, compare=False)
 

@@ -116,6 +116,9 @@ class Channel:
     def inputs(self) -> Inputs:
         """What the remote reports, by element name in engineering units; as of the last good transfer.
 
+        0 after a start until the first one. Take it anew behind a start() or scan() that found another remote
+        or mode on the port: elements of before raise NotDiscovered then.
+
         Raises NoRemote, BrokenTable, NotDiscovered when the elements are not known.
         """
         self._described()

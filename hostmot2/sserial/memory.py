@@ -13,6 +13,7 @@ from hostmot2.sserial.counters import ChannelCounters
 from hostmot2.sserial.errors import PortRunning
 
 if TYPE_CHECKING:
+    from hostmot2.sserial.remotes import Remotes
     from hostmot2.sserial.results import StartResult
 
 POWER_UP_SECONDS = 0.001
@@ -23,6 +24,7 @@ class PortMemory(ABC):
     """The part of `SserialPort` that needs no process data to run, and mostly that none runs."""
 
     _core: Core
+    _remotes: Remotes
     _lock: AbstractContextManager[object]
     _is_ready: bool
 
@@ -137,6 +139,7 @@ class PortMemory(ABC):
         """See Channel.write_remote."""
         with self._lock:
             self._enter_setup(channel)
+            self._remotes.note_write(channel)
             self._core.write_remote(channel, address, value, size, space)
 
     def access_remote(self, channel: int, command: int, address: int = 0, value: int = 0) -> int:
@@ -146,6 +149,7 @@ class PortMemory(ABC):
         """
         with self._lock:
             self._enter_setup(channel)
+            self._remotes.note_write(channel)
             return self._core.access(channel, command, address, value)
 
     def restart_setup(self, channel: int) -> None:

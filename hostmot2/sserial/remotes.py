@@ -45,6 +45,8 @@ class Remotes:
         """Channels that have been looked at in setup mode."""
         self.repeated = 0
         """Channels whose last start was done more than once, because answers were lost or damaged in it."""
+        self.unsure = 0
+        """Channels whose description may have become wrong: described anew before their process data runs."""
         self.repeats = 0
         """How many starts of channels were repeated so far."""
         self.process_data: ProcessData = core.set_process_data({})
@@ -93,24 +95,58 @@ class Remotes:
             if mask >> number & 1:
                 outputs.off()
 
-    def restart(self, mask: int) -> None:
-        """Counters of freshly started channels begin anew."""
+    def _restart(self, mask: int) -> None:
+        """Counters of freshly started channels begin anew, and no input is one of before."""
         for number in self.process_data.layouts:
             if mask >> number & 1:
                 self.process_data.restart(number)
+                self.process_data.clear_inputs(number)
 
-    def look_before_start(self, fresh: int) -> None:
-        """Read the tables of remotes that are not known. All channels the first time: later some may run."""
-        unknown = self._core.existing & ~self.looked
+    def start_described(self, fresh: int) -> int:
+        """Start channels normally, each as the remote it is described as; returns those that did not start.
+
+        While others run nothing is described anew: tables would need setup mode, new process data would zero
+        the outputs of the channels that run.
+        """
+        running = self._core.started
+        if not running:
+            self._look_before_start(fresh)
+        self.zero(fresh)
+        failed = self.start(fresh, NORMAL)
+        strangers = self._strangers(fresh & self._core.started)
+        why = "and what it is cannot be read while other channels run"
+        if strangers and not running:
+            self.look(strangers)
+            failed = self.start(fresh, NORMAL)
+            strangers = self._strangers(fresh & self._core.started)
+            why = "once more since its tables were read"
+        failed |= self._stop_changed(strangers, why)
+        self._restart(fresh)
+        return failed
+
+    def _look_before_start(self, fresh: int) -> None:
+        """Read the tables of remotes that are not known. All channels the first time: later some may run.
+
+        Full scales that are parameters are read each time: a wrong one would be a wrong current.
+        """
+        unknown = self._core.existing & ~self.looked | self.unsure
         for number in numbers(fresh & self._core.existing):
             channel = self._channels[number]
             known = channel.description
-            if channel.problem is not None or (known is not None and known.software_mode != channel.mode):
+            if channel.problem is not None or (
+                known is not None and (known.software_mode != channel.mode or known.scaled_by_parameter)
+            ):
                 unknown |= 1 << number
-        if unknown & fresh:
-            self.look(unknown)
+        if unknown & (fresh | self.unsure):
+            self.look(unknown, keep=True)
 
-    def strangers(self, started: int) -> int:
+    def note_write(self, channel: int) -> None:
+        """A remote's memory was written: its full scale may be another one."""
+        known = self._channels[channel].description
+        if known is not None and known.scaled_by_parameter:
+            self.unsure |= 1 << channel
+
+    def _strangers(self, started: int) -> int:
         """Started channels whose remote, or software mode, is not the one that was described."""
         strangers = 0
         for number in numbers(started):
@@ -118,32 +154,31 @@ class Remotes:
             now = found.unit_number, found.name, found.toc, channel.mode
             if channel.description is None or channel.description.identity != now:
                 strangers |= 1 << number
-        return strangers
+        return strangers | self.unsure & started
 
-    def stop_changed(self, strangers: int) -> int:
-        """Stop the strangers that have elements of another remote; returns their mask.
-
-        New tables would need setup mode, new process data would zero the outputs of the channels that run.
-        """
+    def _stop_changed(self, strangers: int, why: str) -> int:
+        """Stop the strangers that have elements of another remote; returns their mask."""
         changed = [number for number in numbers(strangers) if self._channels[number].description is not None]
         for number in changed:
             channel = self._channels[number]
             channel.description = None
             channel.problem = NotDiscovered(
-                f"{channel.label}: another remote or software mode than before, whose tables cannot be "
-                "read while other channels run",
+                f"{channel.label}: another remote, software mode or full scale than before, {why}",
                 index=number,
             )
         if changed:
             self._core.stop(bits(changed))
         return bits(changed)
 
-    def look(self, mask: int) -> list[ChannelEvidence]:
+    def look(self, mask: int, *, keep: bool = False) -> list[ChannelEvidence]:
         """Start channels in setup mode, describe their remotes, stop everything.
 
-        One remote's trouble is kept with its channel and leaves the others alone.
+        One remote's trouble is kept with its channel and leaves the others alone. keep: of a remote that was
+        to say its full scale again and is silent now, the description stays, unsure.
         """
         self._core.stop()
+        before = {number: self._channels[number].description for number in numbers(mask)}
+        self.unsure &= ~mask
         for number in numbers(mask):
             self._channels[number].description, self._channels[number].problem = None, None
         self.start(mask, SETUP)
@@ -159,6 +194,12 @@ class Remotes:
                     channel.problem = problem
             self.looked |= mask
             rows = self.evidence(mask)
+            for number in numbers(mask if keep else 0):
+                channel, known = self._channels[number], before[number]
+                silent = channel.description is None and channel.problem is None
+                if silent and known is not None and known.scaled_by_parameter:
+                    channel.description = known
+                    self.unsure |= 1 << number
         finally:
             self._core.stop()
         self._update_process_data()
@@ -193,9 +234,9 @@ class Remotes:
             self._core.write_local(place, rates[number])
         self._core.stop()  # which takes them over
 
-    def evidence(self, mask: int) -> list[ChannelEvidence]:
-        """What the channels show, a row each."""
-        counters = self._core.counters() if self._core.tells_blocks else ()
+    def evidence(self, mask: int, *, counted: bool = True) -> list[ChannelEvidence]:
+        """What the channels show, a row each; with counters, ten bytes each that take an exchange or more."""
+        told = counted and self._core.tells_blocks
         rows = []
         for number in numbers(mask):
             channel = self._channels[number] if number < len(self._channels) else None
@@ -205,7 +246,7 @@ class Remotes:
                     exists=channel is not None,
                     started=bool(self._core.started >> number & 1),
                     identity=self._core.identity(number),
-                    counters=counters[number] if number < len(counters) else None,
+                    counters=self._core.channel_counters(number) if told and channel is not None else None,
                     problem=channel.problem if channel else None,
                     description=channel.description if channel else None,
                     place=self._places.get(number, Place("")),
@@ -222,7 +263,8 @@ class Remotes:
         unseen = self._core.existing & ~mask & ~self.looked
         if ask and unseen and not self._core.started:
             self.look(unseen)
-        return self.evidence(self._core.existing & ~mask & self.looked)
+        # while channels run their watchdogs wait for this
+        return self.evidence(self._core.existing & ~mask & self.looked, counted=not self._core.started)
 
     def no_remote(self, message: str, rows: list[ChannelEvidence], *, ask: bool = True) -> NoRemote:
         """The exception for channels on which nothing answered, with what the others show."""
@@ -234,7 +276,15 @@ class Remotes:
         old = self.process_data.layouts
         if old.keys() == layouts.keys() and all(old[n].fields == layouts[n].fields for n in layouts):
             return
-        self.process_data = self._core.set_process_data(layouts)
+        before, self.process_data = self.process_data, self._core.set_process_data(layouts)
+        before.retire(
+            NotDiscovered(
+                f"smart serial port {self._core.number}: another remote or software mode was found, and "
+                "these elements are of before; take `inputs` and `outputs` of the channel anew",
+                causes=("they were kept over a start() or scan() that found something else on a channel",),
+                fix="Take them from the channel after start(); what is kept of before moves nothing.",
+            )
+        )
         for channel in self._channels:
             word = channel.description.fault_word if channel.description is not None else None
             self._core.set_bits(channel.number, layouts.get(channel.number), word)

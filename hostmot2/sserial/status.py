@@ -89,9 +89,18 @@ class ChannelStatus:
 
     @property
     def live(self) -> tuple[str, ...]:
-        """What holds at the moment of the reading, in words."""
+        """What holds at the moment of the reading, in words; a fault byte left over from before does not."""
         status = self.status & ~_STICKY_STATUS
-        return _names(status, _STATUS) + _names(self.remote_fault, _REMOTE_FAULTS)
+        fault = 0 if self._fault_is_old else self.remote_fault
+        return _names(status, _STATUS) + _names(fault, _REMOTE_FAULTS)
+
+    @property
+    def _fault_is_old(self) -> bool:
+        """Whether the fault byte has not been heard since the start (SSLBP observed 2, "Chatter details")."""
+        code = self.word >> 16 & 0xFF
+        return code in (ComState.CHATTER_SEND, ComState.CHATTER_GET) or (
+            self.not_ready and code < ComState.FAULT_SEND
+        )
 
     @property
     def sticky(self) -> tuple[str, ...]:

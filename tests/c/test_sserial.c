@@ -295,6 +295,52 @@ static void test_zeroes_are_sent_again_where_that_may_help(void)
 	}
 }
 
+/* Who stops one motor must learn that the others have stopped, too. */
+static void test_a_stop_whose_zeroes_hang_tells_that_others_were_stopped(void)
+{
+	static const uint32_t expected[] = {0x1001, 0x08FF, 0x0800, 0x0801};
+	start(3);
+	box.completes = not_a_doit;
+	CHECK_EQUAL(hm2_sserial_stop(box.port, 1, &box.error), HM2_ERR_TIMEOUT);
+	CHECK_EQUAL(box.error.detail, HM2_SSERIAL_UNJAMMED);
+	CHECK_EQUAL(box.error.received, 0x1001);
+	check_commands(expected, 4);
+	CHECK_EQUAL(hm2_sserial_started(box.port), 0);
+	mailbox_free(&box);
+	start(1);
+	box.completes = not_a_doit;
+	CHECK_EQUAL(hm2_sserial_stop(box.port, 1, &box.error), HM2_OK);
+	mailbox_free(&box);
+}
+
+/* The image still holds what came before: no fault of now. */
+static void test_a_failed_transfer_brings_no_fault_word(void)
+{
+	hm2_sserial_event event;
+	uint64_t lost = 0;
+	start(1);
+	hm2_sserial_watch(box.port, 0, 1, 0xFFFF0000);
+	hm2_sserial_get_image(box.port)->inputs[0][1] = 0x00040000;
+	box.words[DATA / 4] = 1;
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 1, &box.error), 1 | HM2_SSERIAL_NEWS);
+	CHECK_EQUAL(hm2_sserial_take_events(box.port, &event, 1, &lost), 1);
+	CHECK_EQUAL(event.failed, 1);
+	CHECK_EQUAL(event.word_rising, 0);
+	mailbox_free(&box);
+}
+
+static void test_no_input_is_one_of_before_the_start(void)
+{
+	start(3);
+	box.words[USER0 / 4] = box.words[USER0 / 4 + 1] = 0x11;
+	CHECK_EQUAL(hm2_sserial_doit(box.port, 3, &box.error), 0);
+	CHECK_EQUAL(hm2_sserial_stop(box.port, 1, &box.error), HM2_OK);
+	CHECK_EQUAL(hm2_sserial_start(box.port, 1, HM2_SSERIAL_NORMAL, &box.error), 0);
+	CHECK_EQUAL(hm2_sserial_get_image(box.port)->inputs[0][0], 0);
+	CHECK_EQUAL(hm2_sserial_get_image(box.port)->inputs[1][0], 0x11);
+	mailbox_free(&box);
+}
+
 /* A list joins registers only where their words are neighbours, too. */
 static void test_registers_without_gaps_keep_their_places(void)
 {
@@ -322,6 +368,9 @@ int main(void)
 {
 	test_registers_without_gaps_keep_their_places();
 	test_zeroes_are_sent_again_where_that_may_help();
+	test_a_stop_whose_zeroes_hang_tells_that_others_were_stopped();
+	test_a_failed_transfer_brings_no_fault_word();
+	test_no_input_is_one_of_before_the_start();
 	test_a_doit_names_the_channels_that_were_asked_for();
 	test_interface_data_is_zeroed_before_a_start();
 	test_a_hung_doit_is_aborted_and_everything_stopped();

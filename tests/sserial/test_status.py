@@ -33,7 +33,22 @@ TYPICAL = [
     (0x003A2088, "dead", (), ("communication error", "timeout", "too many errors")),
     (0x003B2088, "dead", (), ("communication error", "timeout", "too many errors")),
     (0x00402008, "setup", (), ("communication error", "timeout")),
-    (0x203A0000, "chatter", ("low voltage",), ()),
+    # a fault byte left over from before the start
+    (0x203A0000, "chatter", (), ()),
+    (0x0400C100, "stopped", ("no remote identified", "not ready"), ("remote fault",)),
+    (
+        0x0501E188,
+        "absent",
+        ("no remote identified", "not ready"),
+        ("remote fault", "communication error", "timeout", "too many errors"),
+    ),
+    # one that was heard in the start
+    (
+        0x0224A1C0,
+        "failed",
+        ("not ready", "not enabled"),
+        ("remote fault", "communication error", "remote fault", "too many errors"),
+    ),
 ]
 
 
