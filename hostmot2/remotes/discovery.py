@@ -23,6 +23,9 @@ ALIASES = {"NVWATCHDOGTIME": "NVWATCHDOGTIMEOUT", "NVWATCHDOGTIMEOUT": "NVWATCHD
 BAUD_INDEX_MAX = 11
 """Of NVBAUDRATE; a wrong one makes a remote unreachable in operate mode (lbp_serial.md 5)."""
 
+MEMORY_END = 0x10000
+"""Addresses of a remote have 16 bits."""
+
 _KINDS: Mapping[int, FieldKind] = FieldKind._value2member_map_  # type: ignore[assignment]
 
 ReadTable = Callable[[int, int, Any, int, Any, int, Any, Any], int]
@@ -219,6 +222,10 @@ def _parameter_fields(tables: _Tables) -> tuple[Field, ...]:
         kind = _KINDS[record.data_type]
         if kind is FieldKind.PAD or record.bits % 8 or record.bits > 64:
             continue  # process data that no LBP accesses fit
+        if record.parameter_address + record.bits // 8 > MEMORY_END:
+            at = f"{name!r} at 0x{record.parameter_address:04X}"
+            tables.warnings.append(f"record at 0x{record.address:04X}: {at} lies beyond the end of memory")
+            continue
         name = _unique(name, [taken])
         _warn(tables, record, name)
         declared = _field(record, name, kind, Direction(record.direction))

@@ -115,6 +115,14 @@ def test_an_element_of_the_ptoc_may_have_any_width_in_the_gtoc_too():
     assert [p.name for p in found.parameters] == ["x"]
 
 
+def test_a_parameter_beyond_the_end_of_memory_is_left_out_and_keeps_no_other_from_being_read():
+    beyond = element("far", UNSIGNED, 16, IN, 0, 1, address=0xFFFF)
+    last = element("near", UNSIGNED, 8, IN, 0, 1, address=0xFFFF)
+    found = read([GOOD], [beyond, last])
+    assert [p.name for p in found.parameters] == ["near"]
+    assert "'far' at 0xFFFF lies beyond the end of memory" in found.warnings[0]
+
+
 def test_an_unknown_type_becomes_padding_with_a_warning():
     found = read([element("odd", 0x33, 24, IN), GOOD])
     assert [f.kind for f in found.fields] == [FieldKind.PAD, FieldKind.UNSIGNED]
