@@ -196,7 +196,7 @@ class Remotes:
             rows = self.evidence(mask)
             for number in numbers(mask if keep else 0):
                 channel, known = self._channels[number], before[number]
-                silent = channel.description is None and channel.problem is None
+                silent = channel.description is None and isinstance(channel.problem, RemoteSilent | None)
                 if silent and known is not None and known.scaled_by_parameter:
                     channel.description = known
                     self.unsure |= 1 << number

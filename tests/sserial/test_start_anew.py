@@ -6,7 +6,7 @@ import hostmot2
 from hostmot2.cards.errors import CardFault
 from hostmot2.emulator import EmulatedBoard, catalog
 from hostmot2.registers import RemoteFault
-from hostmot2.sserial import NotDiscovered
+from hostmot2.sserial import NotDiscovered, RemoteSilent
 
 from .remotes import field_io
 from .tables import ENCODER_H, ENCODER_L, IN, element
@@ -41,6 +41,44 @@ def test_a_full_scale_that_a_power_cycle_brings_is_seen(card, hm2):
     drive.power_cycle()
     assert hm2.sserial.start(0x01).failed == 0
     assert hm2.sserial.channels[0].outputs.field("current").maximum == 30.0
+
+
+@pytest.mark.parametrize("how", ["off", "unreadable"])
+def test_a_drive_that_is_not_heard_for_a_while_keeps_its_elements(card, hm2, field, monkeypatch, how):
+    def unreadable(*_):
+        raise RemoteSilent("no valid answer")
+
+    drive = drive_on(card, 2)
+    hm2.sserial.start(0x05)
+    outputs = hm2.sserial.channels[2].outputs
+    hm2.sserial.stop()
+    with monkeypatch.context() as patch:
+        drive.alive = how != "off"
+        if how == "unreadable":
+            patch.setattr(hm2.sserial._core, "read_remote", unreadable)
+        result = hm2.sserial.start(0x05)
+        assert (result.started, result.failed) == (0x01, 0x04)
+    drive.alive = True
+    hm2.sserial.stop()
+    assert hm2.sserial.start(0x05).failed == 0
+    outputs["current"] = 1.0
+    hm2.sserial.doit()
+    assert drive.get("qsetpoint") == pytest.approx(1.0 / 7.5 * 32767, abs=2)
+
+
+def test_a_drive_whose_full_scale_could_not_be_read_is_not_started_beside_others(card, hm2, field):
+    drive = drive_on(card, 2)
+    hm2.sserial.start(0x05)
+    hm2.sserial.stop()
+    drive.alive = False
+    hm2.sserial.start(0x05)
+    drive.set_raw("NVMAXCURRENT", 3000)
+    drive.power_cycle()
+    drive.alive = True
+    assert hm2.sserial.start(0x04).failed == 0x04
+    hm2.sserial.stop()
+    assert hm2.sserial.start(0x05).failed == 0
+    assert hm2.sserial.channels[2].outputs.field("current").maximum == 30.0
 
 
 # -- references
