@@ -82,6 +82,15 @@ def test_bits_of_a_cs_word_are_where_the_parts_say() -> None:
         assert str(bit) in {part.bits for part in parts}
 
 
+@pytest.mark.parametrize("word", [0x203A0000, 0x2000C100])
+def test_a_fault_byte_of_before_the_start_is_not_told_as_a_fault(word: int) -> None:
+    words = explain_cs(word)
+    assert "reports a fault" not in words.summary
+    assert words.do == ""
+    (part,) = [part for part in words.parts if part.bits == "29"]
+    assert (part.live, part.text[:22]) == (False, "left over from before ")
+
+
 def test_advice_follows_the_word() -> None:
     assert "start" in explain_cs(0x01422140).do
     assert "software mode" in explain_cs(0x4024A1C0).do

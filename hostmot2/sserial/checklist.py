@@ -60,7 +60,7 @@ def _merged(checks: Sequence[tuple[str, tuple[str, ...]]]) -> tuple[str, ...]:
 
 
 def _of_one(row: ChannelEvidence, others: list[ChannelEvidence]) -> tuple[list[str], tuple[str, ...]]:
-    local, fault = row.status.local_fault, row.status.remote_fault
+    local, fault = row.status.local_fault, row.status.live_fault
     if not row.exists:
         return [], ("the bitfile: its firmware has no such channel (`hm2 pins`)",)
     if isinstance(row.problem, SetupJumper) and row.place.remote and row.place.remote.operate:

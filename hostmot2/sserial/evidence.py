@@ -94,7 +94,7 @@ class ChannelEvidence:
         return self._why_not()
 
     def _why_not(self) -> str:
-        local, fault = self.status.local_fault, self.status.remote_fault
+        local, fault = self.status.local_fault, self.status.live_fault
         if self.found and fault & RemoteFault.ILLEGAL_MODE:
             return "the remote does not have this software mode"
         if self.found and local & LocalFault.REMOTE_FAULT:

@@ -335,7 +335,7 @@ class SserialPort(PortMemory):
         sick = 0
         for number in numbers(mask & self.started):
             status = self.read_status(number)
-            if status.live or status.status or status.local_fault:
+            if status.live_fault or status.status or status.local_fault:
                 sick |= 1 << number
         if sick:
             self.stop(sick)

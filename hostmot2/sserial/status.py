@@ -89,18 +89,20 @@ class ChannelStatus:
 
     @property
     def live(self) -> tuple[str, ...]:
-        """What holds at the moment of the reading, in words; a fault byte left over from before does not."""
+        """What holds at the moment of the reading, in words."""
         status = self.status & ~_STICKY_STATUS
-        fault = 0 if self._fault_is_old else self.remote_fault
-        return _names(status, _STATUS) + _names(fault, _REMOTE_FAULTS)
+        return _names(status, _STATUS) + _names(self.live_fault, _REMOTE_FAULTS)
 
     @property
-    def _fault_is_old(self) -> bool:
-        """Whether the fault byte has not been heard since the start (SSLBP observed 2, "Chatter details")."""
+    def live_fault(self) -> RemoteFault:
+        """The remote's fault byte; none where it has not been heard since the start.
+
+        A stop and the chatter behind a start leave the byte of before (SSLBP observed 2).
+        """
         code = self.word >> 16 & 0xFF
-        return code in (ComState.CHATTER_SEND, ComState.CHATTER_GET) or (
-            self.not_ready and code < ComState.FAULT_SEND
-        )
+        chatter = code in (ComState.CHATTER_SEND, ComState.CHATTER_GET)
+        unheard = self.not_ready and code < ComState.FAULT_SEND
+        return RemoteFault(0) if chatter or unheard else self.remote_fault
 
     @property
     def sticky(self) -> tuple[str, ...]:

@@ -83,10 +83,12 @@ class Words:
 def explain_cs(word: int) -> Words:
     """A channel's CS register as it was read."""
     status = ChannelStatus(word & 0xFFFFFFFF)
+    heard = bool(status.live_fault)
+    before = "" if heard else "left over from before the start: "
     state = Meaning("23:16", status.state, _state(status))
     parts = [
         *(
-            Meaning(str(bit), name, text)
+            Meaning(str(bit), name, before + text, heard)
             for flag, (bit, name, text) in _REMOTE.items()
             if status.remote_fault & flag
         ),
@@ -114,17 +116,17 @@ def _state(status: ChannelStatus) -> str:
 
 def _summary(status: ChannelStatus) -> str:
     words = [_STATES.get(status.state, f"State 0x{status.word >> 16 & 0xFF:02X} of the firmware.")]
-    if status.remote_fault:
+    if status.live_fault:
         words.append("The remote reports a fault.")
     if status.local_fault & ~LocalFault.REMOTE_FAULT and status.state not in ("absent", "dead"):
         words.append("There were errors on the line since the channel was last stopped; they may be over.")
-    elif not status.remote_fault and status.state == "running":
+    elif not status.live_fault and status.state == "running":
         words.append("Nothing is wrong." if not status.local_fault else "A remote's fault has gone again.")
     return " ".join(words)
 
 
 def _cs_advice(status: ChannelStatus) -> str:
-    fault, local = status.remote_fault, status.local_fault
+    fault, local = status.live_fault, status.local_fault
     if status.state in ("absent", "dead"):
         return "`hm2 sserial scan` says what to check, in order (`hm2 explain NoRemote`)."
     if fault & RemoteFault.ILLEGAL_MODE:

@@ -80,6 +80,13 @@ def test_a_channel_that_did_not_start_says_why_and_what_to_check(word, unit, rea
     assert any(check in each for each in checks) if check else checks == tuple(NoRemote.causes)
 
 
+def test_a_fault_byte_of_before_the_start_is_not_why_it_failed():
+    """The mode was put right, then nothing answered: 0x40 is left over."""
+    failed = row(0, 0x400DE188, FOUND)
+    assert "software mode" not in failed.reason
+    assert not any("channel.mode" in check for check in advise([failed], [failed]).checks)
+
+
 def test_a_channel_that_the_firmware_does_not_have_points_at_the_bitfile():
     failed = row(7, 0, exists=False)
     assert failed.reason == "the firmware has no such channel"
