@@ -175,6 +175,12 @@ class Core:
         """The firmware's counters of one channel."""
         return read_counters(self.read_local, channel, self.block(channel))
 
+    def line_errors(self, channel: int) -> int:
+        """Errors on the channel's line since its last stop, as in CS; 0 where the firmware does not tell."""
+        if not self.tells_blocks:
+            return 0
+        return self.read_local(self.block(channel) + SslbpChannel.error_log.number, 1)[0]
+
     def sizes(self, channel: int) -> tuple[int, int]:
         """Bytes received (with the fault byte) and sent in a process data exchange; (0, 0): not known."""
         if not self.tells_blocks:

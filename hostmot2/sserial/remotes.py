@@ -189,7 +189,7 @@ class Remotes:
                 try:
                     if noisy >> number & 1:
                         raise damaged(self._core, number)
-                    channel.description = describe(self._core, number, channel.mode)
+                    channel.description = self._described(number)
                 except (BrokenTable, RemoteSilent, UnsupportedRemote) as problem:
                     channel.problem = problem
             self.looked |= mask
@@ -204,6 +204,28 @@ class Remotes:
             self._core.stop()
         self._update_process_data()
         return rows
+
+    def _described(self, number: int) -> RemoteDescription:
+        """What a remote in setup mode says of itself on a line that shows no error meanwhile.
+
+        One damaged answer in 256 passes the CRC, and a wrong limit in a table is a wrong output for ever.
+        """
+        mode = self._channels[number].mode
+        for _ in range(CLEAN_STARTS):
+            broken = None
+            try:
+                found = describe(self._core, number, mode)
+            except BrokenTable as problem:
+                broken = problem
+            if not self._core.line_errors(number):
+                if broken is not None:
+                    raise broken
+                return found
+            self.repeats += 1
+            self._core.stop(1 << number)
+            if self._core.start(1 << number, SETUP, {number: mode}):
+                break
+        raise damaged(self._core, number, "while its tables are read")
 
     def look_at_setup_rate(self, rows: list[ChannelEvidence]) -> list[ChannelEvidence]:
         """Look at channels that were silent for remotes that answer at the rate of their set-up jumper only.
@@ -290,12 +312,13 @@ class Remotes:
             self._core.set_bits(channel.number, layouts.get(channel.number), word)
 
 
-def damaged(core: Core, channel: int) -> RemoteSilent:
-    """What to say of a channel that shows errors at every start."""
+def damaged(core: Core, channel: int, when: str = "at every start") -> RemoteSilent:
+    """What to say of a channel whose line shows errors again and again."""
     status = core.identity(channel).status
+    errors = f" ({', '.join(status.sticky)})" if status.sticky else ""
     return RemoteSilent(
-        f"smart serial port {core.number} channel {channel}: answers arrive damaged at every start "
-        f"({', '.join(status.sticky)}), so what they say is not believed",
+        f"smart serial port {core.number} channel {channel}: answers arrive damaged {when}{errors}, so what "
+        "they say is not believed",
         index=channel,
         received=status.word,
     )

@@ -9,7 +9,7 @@ from hostmot2.registers import RemoteFault
 from hostmot2.sserial import NotDiscovered, RemoteSilent
 
 from .remotes import field_io
-from .tables import ENCODER_H, ENCODER_L, IN, element
+from .tables import ENCODER_H, ENCODER_L, IN, OUT, UNSIGNED, element
 
 
 def drive_on(card, channel=0):
@@ -222,6 +222,41 @@ def test_a_start_that_fails_asks_only_for_the_counters_of_its_own_channels(card,
     assert result.channels[0].counters.timeouts == 20
     assert asked
     assert all(address >= core.block(1) for address in asked)
+
+
+@pytest.mark.parametrize("wrong", ["limit", "broken"])
+def test_tables_read_while_the_line_shows_errors_are_read_again(card, hm2, monkeypatch, wrong):
+    """One damaged answer in 256 passes the CRC: here that of a limit, or of a record's type."""
+    there = field_io([element("speed", UNSIGNED, 16, OUT, 0, 10, "V", 0x300)], receive=1)
+    card.sserial[0].attach(0, there)
+    core, real = (hm2.sserial.channels, hm2.sserial._core)[1], {}
+    read, spoiled = core.read_table, []
+
+    def read_table(*arguments):
+        if not spoiled:
+            spoiled.append(True)
+            there.inject(skip=1)
+            core.read_remote(0, 0x1000, 1)
+            real.update({at: there.peek(at) for at in (0x1000, 0x100A)})
+            there.poke(*((0x1000, b"\x11") if wrong == "broken" else (0x100A, b"\xa0")))
+            status = read(*arguments)
+            for at, byte in real.items():
+                there.poke(at, byte)
+            return status
+        return read(*arguments)
+
+    monkeypatch.setattr(core, "read_table", read_table)
+    assert hm2.sserial.start(0x01).failed == 0
+    assert hm2.sserial.channels[0].outputs.field("speed").maximum == 10.0
+    assert hm2.sserial.transfers["starts_repeated"] == 1
+
+
+def test_tables_of_a_line_that_shows_errors_each_time_are_not_believed(card, hm2, field, monkeypatch):
+    _ = hm2.sserial.channels
+    monkeypatch.setattr(hm2.sserial._core, "line_errors", lambda channel: 1)
+    assert hm2.sserial.start(0x01).failed == 0x01
+    with pytest.raises(RemoteSilent, match="damaged while its tables are read, so"):
+        _ = hm2.sserial.channels[0].inputs
 
 
 # -- cards
