@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from hostmot2.register_map import Register
 from hostmot2.sserial.core import Core
 from hostmot2.sserial.counters import ChannelCounters
-from hostmot2.sserial.errors import PortRunning
+from hostmot2.sserial.errors import PortRunning, RemoteSilent
 
 if TYPE_CHECKING:
     from hostmot2.sserial.remotes import Remotes
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 POWER_UP_SECONDS = 0.001
 """Within this the processor has begun, if the card got its power just now, and has ended what it was at."""
+
+
+STABLE_READS = 8
 
 
 class PortMemory(ABC):
@@ -133,7 +136,24 @@ class PortMemory(ABC):
         """See Channel.read_remote."""
         with self._lock:
             self._enter_setup(channel)
-            return self._core.read_remote(channel, address, size, space)
+            return self._read_stable(channel, address, size, space)
+
+    def _read_stable(self, channel: int, address: int, size: int, space: int) -> int:
+        """One damaged answer in 256 passes the CRC: on a line that shows errors two reads must agree."""
+        before = self._core.read_remote(channel, address, size, space)
+        for _ in range(STABLE_READS - 1):
+            if not self._core.line_errors(channel):
+                return before
+            now = self._core.read_remote(channel, address, size, space)
+            if now == before:
+                return now
+            before = now
+        raise RemoteSilent(
+            f"{self.label} channel {channel}: no two of {STABLE_READS} reads of address 0x{address:04X} "
+            "agree, and the line shows errors",
+            index=channel,
+            address=address,
+        )
 
     def write_remote(self, channel: int, address: int, value: int, size: int, space: int = 0) -> None:
         """See Channel.write_remote."""

@@ -113,6 +113,22 @@ def test_an_access_is_repeated_until_its_answer_is_good(hm2, field, what):
     assert channel.read_remote(0x311, 1) == 0x22
 
 
+def test_a_value_read_while_the_line_shows_errors_is_one_that_was_read_twice(hm2, field, monkeypatch):
+    """One damaged answer in 256 passes the CRC: here the first."""
+    channel = hm2.sserial.channels[0]
+    field.poke(0x310, b"\x11")
+    assert channel.read_remote(0x310) == 0x11
+    field.inject(bad_crc=1)
+    assert channel.read_remote(0x310) == 0x11
+    core = hm2.sserial._core
+    read, answers = core.read_remote, [0x91]
+    monkeypatch.setattr(core, "read_remote", lambda *at: answers.pop() if answers else read(*at))
+    assert channel.read_remote(0x310) == 0x11
+    answers.extend(range(100))
+    with pytest.raises(RemoteSilent, match="no two of 8 reads of address 0x0310 agree"):
+        channel.read_remote(0x310)
+
+
 def test_a_silent_remote_gives_no_value(hm2, field):
     channel = hm2.sserial.channels[0]
     assert channel.read_remote(0x1000) == 0xA0
