@@ -19,6 +19,10 @@ _DAMAGED = (
     "the remote's baud rate: NVBAUDRATE other than 2.5 Mbaud, or its set-up jumper in place",
     "a missing termination, ground or shield; cables along motor leads",
 )
+_BROKEN_OFF = (
+    "a remote that stays busy while it clears its faults or is enabled: its supply, its enable input",
+    *_DAMAGED[2:],
+)
 _STRANGER = (
     "something that is no smart-serial remote hangs on the channel, or an echo of what is sent",
     "a remote whose firmware update was broken off",
@@ -69,9 +73,11 @@ def _of_one(row: ChannelEvidence, others: list[ChannelEvidence]) -> tuple[list[s
         return [], tuple(getattr(row.problem, "causes", ()))
     if row.found and fault & RemoteFault.ILLEGAL_MODE:
         return [], _MODE
+    if row.found and (fault or local & LocalFault.REMOTE_FAULT):
+        words = ", ".join(row.status.fault_names) or "its own fault display says which"
+        return [], (f"the remote reports its own fault ({words}): remove its cause, then start again",)
     if row.found:
-        words = ", ".join(row.status.live) or row.status.state
-        return [], (f"the remote's own fault ({words}): remove its cause, then start again",)
+        return [], _BROKEN_OFF
     if local & LocalFault.INVALID_COOKIE:
         return [], _STRANGER
     if local & (LocalFault.CRC | LocalFault.SERIAL_BREAK):

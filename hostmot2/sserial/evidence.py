@@ -98,7 +98,8 @@ class ChannelEvidence:
         if self.found and fault & RemoteFault.ILLEGAL_MODE:
             return "the remote does not have this software mode"
         if self.found and local & LocalFault.REMOTE_FAULT:
-            return f"the remote has a fault that it does not clear ({'; '.join(self.status.live)})"
+            words = "; ".join(self.status.fault_names) or self.status.state
+            return f"the remote has a fault that it does not clear ({words})"
         if self.found:
             return f"the remote answered, but its start did not end ({self.status.state})"
         if local & LocalFault.INVALID_COOKIE:

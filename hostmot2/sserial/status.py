@@ -91,7 +91,12 @@ class ChannelStatus:
     def live(self) -> tuple[str, ...]:
         """What holds at the moment of the reading, in words."""
         status = self.status & ~_STICKY_STATUS
-        return _names(status, _STATUS) + _names(self.live_fault, _REMOTE_FAULTS)
+        return _names(status, _STATUS) + self.fault_names
+
+    @property
+    def fault_names(self) -> tuple[str, ...]:
+        """The bits of `live_fault` in words."""
+        return _names(self.live_fault, _REMOTE_FAULTS)
 
     @property
     def live_fault(self) -> RemoteFault:

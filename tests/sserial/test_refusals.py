@@ -87,6 +87,21 @@ def test_a_fault_byte_of_before_the_start_is_not_why_it_failed():
     assert not any("channel.mode" in check for check in advise([failed], [failed]).checks)
 
 
+@pytest.mark.parametrize(
+    ("word", "check"),
+    [
+        (0x001EA188, "termination"),  # it fell silent in the middle of the start
+        (0x00328100, "stays busy"),  # 8I20: its enable flag was awaited for ever
+        (0x0037A1C0, "its own fault"),  # 8I20: the fault byte does not say which
+        (0x0824A1C0, "own fault (over current)"),
+    ],
+)
+def test_a_start_that_broke_off_without_a_fault_is_not_told_as_the_remotes_fault(word, check):
+    checks = advise([row(0, word, FOUND)], [row(0, word, FOUND)]).checks
+    assert any(check in each for each in checks)
+    assert not any("not ready" in each for each in checks)
+
+
 def test_a_channel_that_the_firmware_does_not_have_points_at_the_bitfile():
     failed = row(7, 0, exists=False)
     assert failed.reason == "the firmware has no such channel"
