@@ -38,8 +38,14 @@ class RemoteCard:
         return self.port.mode == "normal" and self.port.started & self.mask == self.mask
 
     def start(self) -> None:
-        """Start the card's channels, outputs zero, and arm the watchdog. Raises NoRemote and its like."""
+        """Start the card's channels, outputs zero, and arm the watchdog. Raises NoRemote and its like.
+
+        Channels that run already are left running, with their outputs zero from the next exchange on.
+        """
         self.port.start(self.mask).raise_for_failed()
+        for channel in self.channels:
+            if channel.description is not None:
+                channel.outputs.off()
         self.board.cycle.arm_watchdog()
 
     def stop(self) -> None:

@@ -61,6 +61,18 @@ def test_after_start_everything_is_off(card: Any, emulated: EmulatedBoard) -> No
     assert (card.analog_enable, card.spindle_enable) == (False, False)
 
 
+def test_a_start_of_a_card_that_runs_turns_everything_off_too(card: Any, emulated: EmulatedBoard) -> None:
+    card.start()
+    card.analog[0].volts = 5.0
+    card.analog_enable = card.outputs[3] = True
+    cycles(card, emulated, 3)
+    card.start()
+    assert (card.analog[0].volts, card.analog_enable, card.outputs) == (0.0, False, 0)
+    cycles(card, emulated, 2)
+    io, analog = remotes(emulated)
+    assert (analog.get("analogena"), io.get("output")) == (False, 0)
+
+
 @pytest.mark.parametrize("enable", ["analog_enable", "spindle_enable"])
 def test_drives_are_enabled_only_with_the_watchdog_armed(card: Any, enable: str) -> None:
     card.board.cycle.automatic_watchdog = False
