@@ -322,6 +322,8 @@ class SserialPort(PortMemory):
 
     def _start_setup(self, mask: int) -> int:
         self._refuse_while_running()
+        if not self.started:
+            self._core.stop()  # a start that broke off on the bus may have left channels running
         return self._remotes.start(mask, SETUP)
 
     def _start_normal(self, mask: int) -> int:

@@ -113,6 +113,17 @@ def test_an_access_is_repeated_until_its_answer_is_good(hm2, field, what):
     assert channel.read_remote(0x311, 1) == 0x22
 
 
+def test_setup_mode_does_not_begin_beside_channels_that_a_broken_start_left_running(card, hm2, field):
+    """Time-outs are the port's: a start whose answer was lost on the bus may have started all the same."""
+    card.sserial[0].attach(1, field_io(unit_number=7))
+    channel = hm2.sserial.channels[0]
+    hm2.write(0x5A00, 0x0902)
+    hm2.pause(0.01)
+    assert hm2.sserial.channels[1].status.state == "chatter"
+    assert channel.read_remote(0x1000) == 0xA0
+    assert hm2.sserial.channels[1].status.state == "stopped"
+
+
 def test_a_value_read_while_the_line_shows_errors_is_one_that_was_read_twice(hm2, field, monkeypatch):
     """One damaged answer in 256 passes the CRC: here the first."""
     channel = hm2.sserial.channels[0]
