@@ -47,6 +47,8 @@ class Remotes:
         """Channels whose last start was done more than once, because answers were lost or damaged in it."""
         self.unsure = 0
         """Channels whose description may have become wrong: described anew before their process data runs."""
+        self.written = 0
+        """Those of them whose remote was written, and so is there: they are looked at first."""
         self.repeats = 0
         """How many starts of channels were repeated so far."""
         self.process_data: ProcessData = core.set_process_data({})
@@ -109,14 +111,14 @@ class Remotes:
         the outputs of the channels that run.
         """
         running = self._core.started
-        if not running:
-            self._look_before_start(fresh)
+        unread = 0 if running else self._scaled_by_parameter(fresh) & ~self._look_before_start(fresh)
         self.zero(fresh)
         failed = self.start(fresh, NORMAL)
+        self.unsure |= unread
         strangers = self._strangers(fresh & self._core.started)
         why = "and what it is cannot be read while other channels run"
         if strangers and not running:
-            self.look(strangers)
+            self.look(strangers, keep=True)
             failed = self.start(fresh, NORMAL)
             strangers = self._strangers(fresh & self._core.started)
             why = "once more since its tables were read"
@@ -124,27 +126,37 @@ class Remotes:
         self._restart(fresh)
         return failed
 
-    def _look_before_start(self, fresh: int) -> None:
-        """Read the tables of remotes that are not known. All channels the first time: later some may run.
+    def _scaled_by_parameter(self, mask: int) -> int:
+        """Channels whose full scale is read at each start: one of before could be a wrong current.
 
-        Full scales that are parameters are read each time: a wrong one would be a wrong current.
+        Behind the start, which tells in 17 ms that a drive is off. To look for it takes 55 ms, and the card's
+        watchdog waits for 50.
         """
-        unknown = self._core.existing & ~self.looked | self.unsure
+        known = ((n, self._channels[n].description) for n in numbers(mask & self._core.existing))
+        return bits(n for n, found in known if found is not None and found.scaled_by_parameter)
+
+    def _look_before_start(self, fresh: int) -> int:
+        """Read the tables of remotes that are not known; returns the channels looked at.
+
+        All channels the first time: later some may run.
+        """
+        unknown = self._core.existing & ~self.looked | self.written
         for number in numbers(fresh & self._core.existing):
             channel = self._channels[number]
             known = channel.description
-            if channel.problem is not None or (
-                known is not None and (known.software_mode != channel.mode or known.scaled_by_parameter)
-            ):
+            if channel.problem is not None or (known is not None and known.software_mode != channel.mode):
                 unknown |= 1 << number
-        if unknown & (fresh | self.unsure):
-            self.look(unknown, keep=True)
+        if not unknown & (fresh | self.written):
+            return 0
+        self.look(unknown, keep=True)
+        return unknown
 
     def note_write(self, channel: int) -> None:
         """A remote's memory was written: its full scale may be another one."""
         known = self._channels[channel].description
         if known is not None and known.scaled_by_parameter:
             self.unsure |= 1 << channel
+            self.written |= 1 << channel
 
     def _strangers(self, started: int) -> int:
         """Started channels whose remote, or software mode, is not the one that was described."""
@@ -179,6 +191,7 @@ class Remotes:
         self._core.stop()
         before = {number: self._channels[number].description for number in numbers(mask)}
         self.unsure &= ~mask
+        self.written &= ~mask
         for number in numbers(mask):
             self._channels[number].description, self._channels[number].problem = None, None
         self.start(mask, SETUP)

@@ -66,6 +66,20 @@ def test_a_drive_that_is_not_heard_for_a_while_keeps_its_elements(card, hm2, fie
     assert drive.get("qsetpoint") == pytest.approx(1.0 / 7.5 * 32767, abs=2)
 
 
+def test_a_known_drive_that_is_off_costs_no_search_that_a_watchdog_would_not_wait_for(card, hm2):
+    drive = drive_on(card)
+    hm2.sserial.start(0x07)
+    hm2.sserial.stop()
+    drive.alive = False
+    began = hm2.now_ns()
+    assert hm2.sserial.start(0x01).failed == 0x01
+    assert (hm2.now_ns() - began) / 1e6 < 25
+    drive.alive = True
+    began = hm2.now_ns()
+    assert hm2.sserial.start(0x01).failed == 0
+    assert (hm2.now_ns() - began) / 1e6 < 10
+
+
 def test_a_drive_whose_full_scale_could_not_be_read_is_not_started_beside_others(card, hm2, field):
     drive = drive_on(card, 2)
     hm2.sserial.start(0x05)
