@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from hostmot2 import drive_8i20
 from hostmot2.fields import Direction, Field, FieldKind
@@ -10,6 +11,8 @@ from hostmot2.remotes.discovery import RemoteDescription
 
 MAX_CURRENT_8I20 = drive_8i20.MAX_CURRENT
 """Address of the 8I20's working MAXCURRENT, a word of 10 mA."""
+STORED_MAX_CURRENT_8I20 = next(p.address for p in drive_8i20.EEPROM if p.name == "NVMAXCURRENT")
+"""Of the one in EEPROM that it takes over at power-up."""
 TEN_MILLIAMPERES = 0.01
 """A of a count of it."""
 
@@ -18,11 +21,23 @@ _UNSIGNED = FieldKind.UNSIGNED
 
 
 def describe(
-    name: str, unit_number: int, read: Callable[[int, int], int], software_mode: int = 0
+    name: str,
+    unit_number: int,
+    read: Callable[[int, int], int],
+    software_mode: int = 0,
+    *,
+    read_stored: Callable[[int, int], int] | None = None,
 ) -> RemoteDescription | None:
-    """A remote that is known by its name, None for all others. read: (address, size) of its memory."""
+    """A remote that is known by its name, None for all others.
+
+    read, read_stored: (address, size) of its memory and its EEPROM.
+    """
     if name == "8I20":
-        return describe_8i20(unit_number, read(MAX_CURRENT_8I20, 2) * TEN_MILLIAMPERES, software_mode)
+        counts = read(MAX_CURRENT_8I20, 2)
+        stored = read_stored(STORED_MAX_CURRENT_8I20, 2) if read_stored else counts
+        drive = describe_8i20(unit_number, counts * TEN_MILLIAMPERES, software_mode)
+        # 0: no current, whatever it is scaled by
+        return replace(drive, scale_pending=stored not in (0, counts))
     return describe_7i64(unit_number, software_mode) if name == "7I64" else None
 
 

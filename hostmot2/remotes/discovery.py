@@ -50,7 +50,8 @@ class RemoteDescription:
     ones. warnings: what was put right. receive_size and transmit_size are bytes of the process data
     exchange (0: not known), with the fault byte. fault_word: input register and mask of a fault word in
     the process data, fault_names its bits. aliases: other names of parameters. scaled_by_parameter: full
-    scales are a parameter of the remote: the description holds as long as nobody writes that.
+    scales are a parameter of the remote: the description holds as long as nobody writes that. scale_pending:
+    its next power-up brings other ones.
     """
 
     name: str
@@ -69,6 +70,7 @@ class RemoteDescription:
     fault_word: tuple[int, int] | None = None
     fault_names: tuple[str, ...] = ()
     scaled_by_parameter: bool = False
+    scale_pending: bool = False
     aliases: Mapping[str, str] = field(default_factory=dict, compare=False)
     layout: Layout = field(init=False, repr=False, compare=False)
 

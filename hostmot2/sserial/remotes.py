@@ -8,7 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from hostmot2.process_data import ProcessData
-from hostmot2.registers import ComState, LocalFault, SslbpChannel
+from hostmot2.registers import ComState, LbpSpace, LocalFault, SslbpChannel
 from hostmot2.remotes import builtin
 from hostmot2.remotes.discovery import ReadFailed, RemoteDescription, read_tables
 from hostmot2.sserial.core import NORMAL, SETUP, Core
@@ -114,7 +114,7 @@ class Remotes:
         unread = 0 if running else self._scaled_by_parameter(fresh) & ~self._look_before_start(fresh)
         self.zero(fresh)
         failed = self.start(fresh, NORMAL)
-        self.unsure |= unread
+        self.unsure |= unread | (self._scale_pending(fresh) if running else 0)
         strangers = self._strangers(fresh & self._core.started)
         why = "and what it is cannot be read while other channels run"
         if strangers and not running:
@@ -134,6 +134,11 @@ class Remotes:
         """
         known = ((n, self._channels[n].description) for n in numbers(mask & self._core.existing))
         return bits(n for n, found in known if found is not None and found.scaled_by_parameter)
+
+    def _scale_pending(self, mask: int) -> int:
+        """Channels whose full scale is another one if they were powered up again since it was read."""
+        known = ((n, self._channels[n].description) for n in numbers(mask & self._core.existing))
+        return bits(n for n, found in known if found is not None and found.scale_pending)
 
     def _look_before_start(self, fresh: int) -> int:
         """Read the tables of remotes that are not known; returns the channels looked at.
@@ -344,7 +349,8 @@ def describe(core: Core, channel: int, software_mode: int) -> RemoteDescription:
     """
     found = core.identity(channel)
     read = partial(core.read_remote, channel)
-    if known := builtin.describe(found.name, found.unit_number, read, software_mode):
+    stored = partial(core.read_remote, channel, space=LbpSpace.EEPROM)
+    if known := builtin.describe(found.name, found.unit_number, read, software_mode, read_stored=stored):
         return known
     if not found.toc & 0xFFFF:
         raise UnsupportedRemote(

@@ -95,6 +95,22 @@ def test_a_drive_whose_full_scale_could_not_be_read_is_not_started_beside_others
     assert hm2.sserial.channels[2].outputs.field("current").maximum == 30.0
 
 
+def test_a_drive_with_another_full_scale_in_its_eeprom_is_not_started_anew_beside_others(card, hm2, field):
+    """It may have been powered up again since its start, and its memory cannot be read while others run."""
+    drive = drive_on(card, 2)
+    hm2.sserial.channels[2].parameters["NVMAXCURRENT"] = 3000
+    assert hm2.sserial.start(0x05).failed == 0
+    hm2.sserial.stop(0x04)
+    drive.power_cycle()
+    assert hm2.sserial.start(0x04).failed == 0x04
+    hm2.sserial.stop()
+    assert hm2.sserial.start(0x05).failed == 0
+    assert hm2.sserial.channels[2].outputs.field("current").maximum == 30.0
+    hm2.sserial.stop(0x04)
+    drive.power_cycle()
+    assert hm2.sserial.start(0x04).failed == 0
+
+
 # -- references
 
 
