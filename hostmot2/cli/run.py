@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -40,7 +41,9 @@ def start_remotes(board: Board) -> None:
 
 @contextlib.contextmanager
 def until(board: Board, seconds: float | None) -> Iterator[Callable[[], bool]]:
-    """Whether the time (None: no limit) is over or a signal to end has come."""
+    """Whether the time (None: no limit) is over or a signal to end has come. ValueError: no finite time."""
+    if seconds is not None and not math.isfinite(seconds):
+        raise ValueError(f"--seconds {seconds}: leave it out to go on until SIGINT or SIGTERM")
     ended: list[int] = []
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     for number in handlers:

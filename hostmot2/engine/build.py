@@ -10,7 +10,7 @@ from hostmot2.engine import signals as signal
 from hostmot2.engine.axis import Axis
 from hostmot2.engine.control import Controls
 from hostmot2.engine.vectors import Vectors
-from hostmot2.errors import check, new_error
+from hostmot2.errors import EngineError, check, new_error
 from hostmot2.handles import own
 from hostmot2.record_ring import RecordRing
 
@@ -43,7 +43,10 @@ class Plan:
 
 
 def build(plan: Plan, board_handle: Any, cycle: Any) -> tuple[Any, object]:
-    """The `struct hm2_engine *` and what to keep beside it. Raises ValueError for what it has no room for."""
+    """The `struct hm2_engine *` and what to keep beside it.
+
+    Raises ValueError for what it has no room for, EngineError for records without room for all signals.
+    """
     handle, error = ffi.new("struct hm2_engine **"), new_error()
     inputs, outputs = plan.vectors.inputs, plan.vectors.outputs
     most = max(len(inputs), len(outputs))
@@ -69,9 +72,19 @@ def build(plan: Plan, board_handle: Any, cycle: Any) -> tuple[Any, object]:
     for wiring in plan.axes:
         _add_axis(made, plan.vectors, wiring, error)
     if plan.ring is not None:
-        words = plan.ring.dtype.fields["words"][0].shape[0] if plan.ring.dtype.fields else 0
-        lib.hm2_engine_set_record_ring(made, plan.ring.handle, words)
+        _set_ring(made, plan.ring)
     return made, (kept, plan, cycle)  # the engine works on all of it for as long as it lives
+
+
+def _set_ring(made: Any, ring: RecordRing) -> None:
+    """The engine writes whole records into the ring's slots, as long as its own signals make them."""
+    words = ring.dtype.fields["words"][0].shape[0] if ring.dtype.fields else 0
+    if lib.hm2_engine_record_size(made, words) != ring.dtype.itemsize:
+        raise EngineError(
+            "axes, commands or inputs were added after the engine's records were asked for, which have no "
+            "room for them: add them first, then record()"
+        )
+    lib.hm2_engine_set_record_ring(made, ring.handle, words)
 
 
 def _add_axis(made: Any, vectors: Vectors, wiring: Wiring, error: Any) -> None:

@@ -21,10 +21,12 @@ def attachments_of(board: Board) -> list[Attachment]:
     started and before cycles run: every register without side effects is read once. Raises TransportError.
     """
     text = dumps.to_text(dumps.take(board)).encode()
-    return [
-        Attachment(form.DUMP_NAME, text, "text/plain"),
-        Attachment(form.DESCRIPTORS_NAME, describe(board)),
-    ]
+    return [Attachment(form.DUMP_NAME, text, "text/plain"), descriptors_of(board)]
+
+
+def descriptors_of(board: Board) -> Attachment:
+    """The process data of its remotes with the scalings in use now. Reads nothing from the card."""
+    return Attachment(form.DESCRIPTORS_NAME, describe(board))
 
 
 def host_metadata() -> dict[str, dict[str, str]]:

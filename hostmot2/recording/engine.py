@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import weakref
 
 from hostmot2.engine import Engine
-from hostmot2.recording.attachments import attachments_of, host_metadata
+from hostmot2.recording.attachments import attachments_of, descriptors_of, host_metadata
+from hostmot2.recording.errors import RecordingError
 from hostmot2.recording.format import Signal
 from hostmot2.recording.recorder import Recorder
 
@@ -31,23 +33,32 @@ class EngineRecords:
         self.ring = engine.record(slots, words)
         self.inputs, self.outputs = signals_of(engine)
         self._facts = {"rate": str(engine.rate), "slots": str(slots), "url": engine.board.url}
-        self._attachments = attachments_of(engine.board)
+        self._dump = attachments_of(engine.board)[0]
+        self._last: weakref.ref[Recorder] | None = None
 
     def recorder(self, path: str | os.PathLike[str], *, json_rate: float | None = None) -> Recorder:
-        """A recorder of what comes from now on; one at a time. json_rate: see Recorder. Raises OSError."""
+        """A recorder of what comes from now on. json_rate: see Recorder.
+
+        One at a time: RecordingError until the last one is closed, its file whole. Raises OSError.
+        """
+        last = self._last() if self._last is not None else None
+        if last is not None and not last.ended:
+            raise RecordingError(f"{last.path}: the last recording of this engine has not been ended yet")
         while self.ring.pop().size:
             pass  # what nobody wanted
-        return Recorder(
+        recorder = Recorder(
             self.ring,
             path,
             self.inputs,
             self.outputs,
             image=lambda: [address | int(written) for address, written in self.engine.layout()],
-            attachments=self._attachments,
+            attachments=[self._dump, descriptors_of(self.engine.board)],  # scalings may have changed
             metadata={**host_metadata(), "hm2.engine": self._facts},
             json_rate=json_rate,
             clock=self.engine.now_ns,
         )
+        self._last = weakref.ref(recorder)
+        return recorder
 
 
 def record(

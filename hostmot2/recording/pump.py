@@ -98,6 +98,8 @@ class Pump:
         self._thread: threading.Thread | None = None
         self._failure: BaseException | None = None
         self._closed = False
+        self.ended = False
+        """Nothing is taken from the ring any more, the sink is closed."""
         self._owner = os.getpid()
 
     def start(self) -> Self:
@@ -143,6 +145,7 @@ class Pump:
             self._failure = problem
         finally:
             self._close_sink()
+            self.ended = True
         failure = self._failure
         if failure is not None:
             raise RecordingFailed(
@@ -218,7 +221,9 @@ class Pump:
 
 
 def check_signals(ring: RecordRing, inputs: Sequence[Signal], outputs: Sequence[Signal]) -> None:
-    """Raises ValueError when signals and records do not agree."""
+    """Raises ValueError when signals and records do not agree, or two signals have one name."""
     for name, signals in (("inputs", inputs), ("outputs", outputs)):
+        if len({signal.name for signal in signals}) < len(signals):
+            raise ValueError(f"two {name} have the same name: who reads the recording would find one of them")
         if ring.dtype[name].shape != (len(signals),):
             raise ValueError(f"{len(signals)} {name} are named, records have {ring.dtype[name].shape[0]}")

@@ -15,8 +15,9 @@ import hostmot2
 import hostmot2.record_ring
 from hostmot2.cli import main
 from hostmot2.emulator import EmulatedBoard
+from hostmot2.engine.signals import Signal as EngineSignal
 from hostmot2.errors import EngineError
-from hostmot2.recording import Recorder, RecordingFailed, Replay, read, record
+from hostmot2.recording import EngineRecords, Recorder, RecordingError, RecordingFailed, Replay, read, record
 from recording.making import DTYPE, IMAGE, INPUTS, OUTPUTS, push_all, records
 
 ROOT = Path(__file__).parents[2]
@@ -58,6 +59,14 @@ def test_hm2_record_says_that_the_directory_is_missing(tmp_path, capfd):
         main(["--board", f"emu://{CARD}?clock=virtual", "record", "-o", str(tmp_path / "missing" / "x.mcap")])
     assert end.value.code == 3
     assert str(tmp_path / "missing" / "x.mcap") in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("seconds", ["inf", "nan"])
+@pytest.mark.parametrize("command", [["record", "-o", "x.mcap"], ["live", "--port", "0"]])
+def test_a_time_that_is_none_is_a_wrong_use(tmp_path, monkeypatch, hm2, command, seconds):
+    monkeypatch.chdir(tmp_path)
+    status, _, err = hm2("--board", f"emu://{CARD}?clock=virtual", *command, "--seconds", seconds)
+    assert (status, f"--seconds {seconds}: leave it out" in err) == (2, True)
 
 
 def test_a_disk_that_fills_up_stops_the_recording_and_not_the_engine(tmp_path):
@@ -123,6 +132,53 @@ def test_an_engine_is_recorded_once(board, tmp_path):
             run(engine, 10)
     assert len(read(tmp_path / "a.mcap").records) >= 10
     assert not (tmp_path / "b.mcap").exists()
+
+
+def test_an_engine_is_recorded_again_when_the_last_recording_is_whole(board, tmp_path):
+    """Two that take from one ring would each have records of the other's, or the same ones twice."""
+    engine = engine_of(board)
+    source = EngineRecords(engine)
+    with engine:
+        first = source.recorder(tmp_path / "a.mcap").start()
+        run(engine, 10)
+        with pytest.raises(RecordingError, match=r"a\.mcap: the last recording of this engine"):
+            source.recorder(tmp_path / "b.mcap")
+        first.close()
+        with source.recorder(tmp_path / "b.mcap"):
+            run(engine, 10)
+    assert read(tmp_path / "a.mcap").cycle.tolist() == list(range(10))
+    assert read(tmp_path / "b.mcap").cycle.tolist() == list(range(10, 20))
+
+
+def test_a_recording_is_decoded_with_the_scalings_of_its_own_run(board, tmp_path):
+    engine = engine_of(board)
+    source = EngineRecords(engine)
+    outputs = board.sserial.channels[1].outputs
+    for number, scale in enumerate((10.0, 5.0)):
+        outputs.configure("analogout0", scale=scale)
+        with source.recorder(tmp_path / f"{number}.mcap"), engine:
+            engine.outputs["analogout0"] = 4.0
+            run(engine, 10)
+        decoded = read(tmp_path / f"{number}.mcap").elements["sserial0.1.AnalogOut0"]
+        assert decoded[5] == pytest.approx(4.0, abs=0.01)
+
+
+@pytest.mark.parametrize("add", ["add_command", "add_input", "add_pid"])
+def test_what_is_added_behind_record_has_no_room_in_it_and_is_refused(board, add):
+    """It was written behind the record's place in the ring."""
+    engine = engine_of(board)
+    engine.record(64, 16)
+    if add == "add_pid":
+        engine.add_pid("x", feedback="encoder0.position", output="analogout0")
+    else:
+        getattr(engine, add)(EngineSignal("late") if add == "add_input" else "late")
+    with pytest.raises(EngineError, match="add them first"):
+        engine.start()
+    engine.drop_records()
+    ring = engine.record(64, 16)
+    with engine:
+        engine.step()
+    assert ring.pop()["cycle"].tolist()[0] == 0
 
 
 def test_two_cards_are_recorded_at_once(tmp_path):
