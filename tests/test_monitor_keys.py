@@ -16,12 +16,15 @@ from test_monitor_app import drive, field_io, screen, ticked, typed
 from textual.widgets import Input
 
 import hostmot2
-from hostmot2.emulator import EmulatedBoard
+from hostmot2.emulator import EmulatedBoard, catalog
+from hostmot2.emulator.cards import CARD_NAMES
 from hostmot2.errors import EngineError
 from hostmot2.monitor import Source, app, text
 from hostmot2.monitor.app import MonitorApp
 from hostmot2.monitor.help import help_text
-from hostmot2.monitor.snapshot import BitsRow, Problem
+from hostmot2.monitor.panels import PANELS
+from hostmot2.monitor.recordings import file_name
+from hostmot2.monitor.snapshot import BitsRow, Problem, ValueRow
 from hostmot2.recording import RecordingFailed, read
 
 
@@ -108,6 +111,61 @@ def test_an_analog_output_is_asked_for_in_its_unit_and_left_by_escape(
     drive(started, script)
 
 
+def test_a_click_asks_for_the_line_that_was_clicked(started: Source) -> None:
+    """Not for the one chosen in another panel."""
+
+    async def script(view: MonitorApp, pilot: Any) -> None:
+        started.outputs.arm()
+        await ticked(view, pilot)
+        await pilot.press("3")
+        await ticked(view, pilot)
+        row = next(n for n, line in enumerate(view.panel._lines) if line.output is not None)
+        view.panel.table.move_cursor(row=row)
+        await pilot.pause()
+        for _ in range(2):
+            await pilot.click(view._panels[3].table, offset=(4, 1))  # "0.0 Input", which is no output
+            await pilot.pause()
+            assert len(view.screen_stack) == 1
+        assert view.chosen == 4
+
+    drive(started, script, size=(160, 50))
+
+
+def test_a_bidirectional_element_is_two_lines_and_enter_asks_for_the_one_chosen(card: EmulatedBoard) -> None:
+    card.sserial[0].attach(2, catalog.remote("stmbl"), through_pins=True)
+
+    async def script(view: MonitorApp, pilot: Any) -> None:
+        source.outputs.arm()
+        await ticked(view, pilot)
+        await pilot.press("4")
+        await ticked(view, pilot)
+        table, lines = view.panel.table, view.panel._lines
+        shown = [table.get_row_at(n)[0].plain for n in range(table.row_count)]
+        assert shown == [line.cells[0].plain for line in lines]
+        assert {"0.2 index_enable \N{LEFTWARDS ARROW}", "0.2 index_enable \N{RIGHTWARDS ARROW}"} <= set(shown)
+        for row, line in enumerate(lines):
+            table.move_cursor(row=row)
+            await pilot.press("enter")
+            await pilot.pause()
+            asked = len(view.screen_stack) > 1
+            assert asked == (line.output is not None)
+            if asked:
+                assert f"Set {line.output.name}" in screen(view)
+                await pilot.press("escape")
+
+    with started_source(card) as source:
+        drive(source, script, size=(160, 50))
+
+
+@pytest.mark.parametrize("name", CARD_NAMES)
+def test_no_two_lines_of_a_panel_have_one_key(name: str) -> None:
+    with started_source(EmulatedBoard(name, clock="virtual")) as source:
+        now = source.look()
+        for panel in PANELS:
+            keys = [line.key for line in panel(1).lines(now)]
+            assert len(keys) == len(set(keys))
+
+
 def test_an_output_typed_after_they_went_off_is_an_error_and_not_set(
     started: Source, card: EmulatedBoard
 ) -> None:
@@ -153,6 +211,36 @@ def test_a_recording_that_fails_at_its_end_says_so(started: Source, monkeypatch:
         assert "no space left on the disk" in screen(view)
 
     drive(started, script, size=(160, 50))
+
+
+def test_a_recording_that_another_one_is_in_the_way_of_is_said(
+    started: Source, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The view ended, and with it outputs."""
+
+    def taken(_path: Path) -> None:
+        raise RecordingFailed("another recording is being written to this file")
+
+    async def script(view: MonitorApp, pilot: Any) -> None:
+        monkeypatch.setattr(started.recordings, "start", taken)
+        await pilot.press("r")
+        await pilot.pause()
+        assert "another recording" in screen(view)
+
+    drive(started, script, size=(160, 50))
+
+
+def test_recordings_of_one_second_are_files_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("time.strftime", lambda _form: "hm2-monitor-20261128-080000")
+    names = []
+    for make in (Path.touch, lambda path: path.symlink_to("nowhere"), Path.touch):
+        names.append(file_name())
+        make(names[-1])
+    stem = "hm2-monitor-20261128-080000"
+    assert [str(name) for name in names] == [f"{stem}.mcap", f"{stem}-2.mcap", f"{stem}-3.mcap"]
 
 
 def test_events_are_in_the_recording_that_runs(started: Source, card: EmulatedBoard, tmp_path: Path) -> None:
@@ -267,6 +355,12 @@ def test_signals_are_handled_as_before_when_the_view_is_over(
 def test_bits_that_are_none_are_refused_with_what_is_wanted(typed_bits: str) -> None:
     with pytest.raises(ValueError, match="`3 on`, `3 off`, or all bits as 0x0 to 0xFFFF"):
         text.parse_value(BitsRow("0.0 Output", 0, 16, is_output=True), typed_bits)
+
+
+@pytest.mark.parametrize("typed_value", ["inf", "-inf", "nan", "1e999"])
+def test_what_is_no_finite_number_is_refused_without_limits_too(typed_value: str) -> None:
+    with pytest.raises(ValueError, match="a number is needed: any number"):
+        text.parse_value(ValueRow("0.1 speed", 0.0, "", 0.0, 0.0, is_output=True), typed_value)
 
 
 def test_help_says_what_looking_means() -> None:

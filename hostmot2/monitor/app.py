@@ -232,7 +232,7 @@ class MonitorApp(App[int]):
             path = file_name()
             try:
                 self.source.recordings.start(path)
-            except (OSError, ImportError) as problem:
+            except (OSError, ImportError, HostMot2Error) as problem:
                 self.notify(str(problem), severity="error", timeout=10)
             else:
                 self.notify(f"Recording into {path}")
@@ -275,9 +275,17 @@ class MonitorApp(App[int]):
             self.notify(str(problem), severity="error", timeout=10)
 
     @on(DataTable.RowSelected)
-    def _chosen_line(self) -> None:
-        """Enter on an output sets it, elsewhere it explains."""
-        line = self.panel.selected
+    def _chosen_line(self, event: DataTable.RowSelected) -> None:
+        """Enter, or a click, on an output sets it, elsewhere it explains.
+
+        The line is the event's: a click may be into a panel that is not the chosen one.
+        """
+        owner = event.data_table.parent
+        if not isinstance(owner, Panel):
+            return
+        if owner is not self.panel:
+            self.action_choose(self._panels.index(owner) + 1)
+        line = owner.line(event.row_key.value)
         if line is None or line.output is None:
             if line is not None and line.explain:
                 self.action_explain()

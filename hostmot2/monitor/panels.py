@@ -17,7 +17,11 @@ NOTHING = "-"
 
 
 class Line(NamedTuple):
-    """A row of a panel: a key that stays, its cells, and what `hm2 explain` takes for it, if anything."""
+    """A row of a panel: a key that stays, its cells, and what `hm2 explain` takes for it, if anything.
+
+    A panel's keys are all different, or lines would lie beside the table's rows. A bidirectional element is
+    two lines.
+    """
 
     key: str
     cells: tuple[Text, ...]
@@ -100,6 +104,10 @@ class Panel(Vertical):
         if self.has_detail:
             self._detail.update(self.selected.detail if self.selected else "")
 
+    def line(self, key: str | None) -> Line | None:
+        """The line of this key, None if it is not shown any more."""
+        return next((line for line in self._lines if line.key == key), None)
+
     @property
     def selected(self) -> Line | None:
         """The line under the cursor."""
@@ -159,7 +167,7 @@ class Values(Panel):
         for row in now.values:
             name = f"{row.name} {'→' if row.is_output else '←'}"
             cells = _cells(name, f"{row.value:>9.3f}", row.unit, text.bar(row), text.limits(row))
-            yield Line(row.name, cells, output=row if row.is_output else None)
+            yield Line(name, cells, output=row if row.is_output else None)
 
 
 class Bits(Panel):
@@ -174,7 +182,7 @@ class Bits(Panel):
             arrow = "→" if row.is_output else "←"
             name = f"{row.name} {arrow}" if row.signal else row.name
             cells = (Text(name), Text(text.bits_text(row), "bold" if row.value else ""))
-            yield Line(row.name, cells, output=row if row.is_output else None)
+            yield Line(name, cells, output=row if row.is_output else None)
 
 
 class Events(Panel):

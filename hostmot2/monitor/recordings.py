@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import time
+from itertools import count
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -16,8 +18,13 @@ JSON_RATE = 100.0
 
 
 def file_name() -> Path:
-    """A name for a recording that begins now, in the working directory."""
-    return Path(time.strftime("hm2-monitor-%Y%m%d-%H%M%S.mcap"))
+    """A name for a recording that begins now, in the working directory, that no file has.
+
+    A second has room for two recordings, and a clock that is put back comes to the same second again.
+    """
+    stem = time.strftime("hm2-monitor-%Y%m%d-%H%M%S")
+    names = (f"{stem}-{number}.mcap" if number > 1 else f"{stem}.mcap" for number in count(1))
+    return Path(next(name for name in names if not os.path.lexists(name)))
 
 
 class Recordings:
@@ -52,7 +59,10 @@ class Recordings:
         return RecordingView(path, time.monotonic() - self._since, counters.records, counters.dropped)
 
     def start(self, path: Path) -> None:
-        """Record into `path` from now on. Raises OSError, ImportError."""
+        """Record into `path` from now on.
+
+        Raises OSError, ImportError, RecordingError while the last one is still being written.
+        """
         if self.missing:
             raise ImportError(self.missing)
         self._recorder = self._records.recorder(path, json_rate=JSON_RATE).start()
@@ -70,5 +80,6 @@ class Recordings:
 
     def log(self, text: str, time_ns: int) -> None:
         """An event, into the recording that runs."""
-        if self._recorder is not None:
-            self._recorder.log(text, "warning", "engine", time_ns)
+        recorder = self._recorder  # another thread ends it
+        if recorder is not None:
+            recorder.log(text, "warning", "engine", time_ns)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from hostmot2.monitor.snapshot import BitsRow, ChannelRow, Snapshot, ValueRow
 
 BAR = 12
@@ -116,8 +118,10 @@ def parse_value(row: ValueRow | BitsRow, typed: str) -> float:
     try:
         value = float(typed)
     except ValueError:
-        raise ValueError(f"a number is needed: {limits(row)}") from None
-    if (row.fraction is not None and not row.low <= value <= row.high) or value != value:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"a number is needed: {limits(row)}")
+    if row.fraction is not None and not row.low <= value <= row.high:
         raise ValueError(f"{typed} is outside {limits(row)}")
     return value
 
