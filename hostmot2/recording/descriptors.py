@@ -32,6 +32,8 @@ class Words(Protocol):
 
     count: int
     """Of records."""
+    failed: npt.NDArray[np.bool_]
+    """In which an exchange did not come back."""
 
     def word(self, address: int, written: bool) -> npt.NDArray[np.uint32] | None:
         """A register's words, None if it was not recorded."""
@@ -209,6 +211,7 @@ def _check(channel: ChannelText) -> None:
     layout = Layout(fields_of(channel))
     if layout.words > WORDS or not len(channel.registers) <= WORDS:
         raise ValueError(f"channel {channel.channel} has more than {WORDS} registers")
+    ProcessData({0: layout}, words=WORDS)  # refuses what only together cannot be, a counter of two parts, say
     addresses = (channel.status_register, *channel.registers)
     if channel.channel not in range(CHANNELS) or not all(0 <= at < 0x10000 for at in addresses):
         raise ValueError(f"channel {channel.channel} at registers {addresses}")
@@ -249,6 +252,25 @@ def _taken(port: PortText, channel: ChannelText, source: Words) -> npt.NDArray[n
         taken = taken & (command == 0)
     if failed is not None:
         taken = taken & (failed >> np.uint32(channel.channel) & 1 == 0)
+    return taken if command is None else _without_doubtful(port, source, taken, command)
+
+
+def _without_doubtful(
+    port: PortText, source: Words, taken: npt.NDArray[np.bool_], command: npt.NDArray[np.uint32]
+) -> npt.NDArray[np.bool_]:
+    """Without the results that the driver takes for none: the first behind a DOIT that got lost while no
+    other was on its way. It may be the one before, taken already.
+    """
+    looked, launched = (source.fresh(port.command_register, written) for written in (False, True))
+    ended = looked & (command == 0)
+    last = np.maximum.accumulate(np.where(ended | (launched & ~looked), np.arange(source.count), -1))
+    flying = (last >= 0) & launched[last]  # behind each record
+    before = np.concatenate((np.zeros(1, np.bool_), flying[:-1]))
+    lost = np.flatnonzero(source.failed & ~np.where(ended, launched, before))
+    order = np.flatnonzero(taken)
+    at = np.searchsorted(order, lost, side="right")
+    taken = taken.copy()
+    taken[order[at[at < len(order)]]] = False
     return taken
 
 

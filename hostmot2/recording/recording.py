@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -23,6 +24,7 @@ from hostmot2.recording.format import Signal
 from hostmot2.recording.scan import LIMIT, Contents, scan
 
 Column = npt.NDArray[Any]
+_NUMBER = re.compile(r"-?[0-9]{1,19}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,10 +88,16 @@ class Recording(Mapping[str, Column]):
             return self.records[name]
         if name in self.stages:
             return self.stages[name]
+        return self[self.spelled(name)]
+
+    def spelled(self, name: str) -> str:
+        """A column's name as the file has it. KeyError: there is none of that name, in whatever capitals."""
+        if name in self._names:
+            return name
         known = next((each for each in self._names if each.casefold() == name.casefold()), None)
         if known is None:
             raise KeyError(f"{self.path} has no column {name!r}")
-        return self[known]
+        return known
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._names)
@@ -126,7 +134,7 @@ class Recording(Mapping[str, Column]):
         ends = self.records["stage_ns"][:, : len(STAGES)].astype(np.float64) / 1000
         took = np.diff(ends, prepend=0.0)
         columns = {name: took[:, i] for i, name in enumerate(form.CYCLE_NAMES[:-1])}
-        return {**columns, form.CYCLE_NAMES[-1]: ends[:, -1]}
+        return _read_only({**columns, form.CYCLE_NAMES[-1]: ends[:, -1]})
 
     # -- time
 
@@ -139,7 +147,8 @@ class Recording(Mapping[str, Column]):
     def unix_ns(self) -> int:
         """What is added to a time of the board's clock for ns since 1970."""
         text = self.metadata.get(form.RUN, {}).get("unix_ns_at_clock_0", "0")
-        return int(text) if text.lstrip("-").isdigit() and len(text) < 20 else 0
+        found = int(text) if _NUMBER.fullmatch(text) else 0
+        return found if abs(found) < 1 << 63 else 0
 
     @cached_property
     def time_ns(self) -> npt.NDArray[np.int64]:
@@ -214,7 +223,7 @@ class Recording(Mapping[str, Column]):
         found = dict(self._input_columns)
         for name, values in self.descriptors.columns(_Words(self), Direction.OUTPUT).items():
             found[f"outputs.{name}" if name in found else name] = values
-        return found
+        return _read_only(found)
 
     def __repr__(self) -> str:
         count = len(self.records)
@@ -231,6 +240,7 @@ class _Words:
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
         self.count = len(recording.records)
+        self.failed: npt.NDArray[np.bool_] = recording.records["status"] != 0
 
     def word(self, address: int, written: bool) -> npt.NDArray[np.uint32] | None:
         try:
@@ -249,6 +259,12 @@ def read(path: str | Path, *, limit: int = LIMIT) -> Recording:
     for one that is no recording or ends before its description, RecordingTooLarge.
     """
     return Recording(scan(path, limit))
+
+
+def _read_only(columns: Columns) -> Columns:
+    for column in columns.values():
+        column.setflags(write=False)
+    return columns
 
 
 def _last_image(contents: Contents, words: int) -> tuple[int, ...]:

@@ -17,6 +17,7 @@ from hostmot2._core import ffi, lib
 from hostmot2.board import Board, SafeOff
 from hostmot2.record_ring import STAGES
 from hostmot2.recording.bus import BusAround, places
+from hostmot2.recording.likeness import raise_for_another_card, raise_for_other_remotes
 from hostmot2.recording.recording import Recording
 from hostmot2.registers import Gtag, Watchdog
 from hostmot2.transports import open_transport
@@ -50,7 +51,8 @@ class Replay(BusAround):
 
     A failed exchange fails again with its status, and a bite is raised in each cycle until it was accepted;
     who catches HostMot2Error goes on. `differences` are the writes that were not as recorded.
-    Raises ValueError if the recording has no raw registers.
+    Raises ValueError if the recording has no raw registers; open() and play() do for a card or remotes that
+    are not as they were then: their registers would be taken for something else.
     """
 
     def __init__(self, recording: Recording, under: Transport | str) -> None:
@@ -66,15 +68,22 @@ class Replay(BusAround):
         self._arm: Callable[[], None] | None = None
         self._armed_at = 0
         self._status: int | None = None
+        self._board: Board | None = None  # whose remotes have not been looked at yet
 
     def __len__(self) -> int:
         return len(self.recording.records)
 
     def open(self) -> Board:
-        """A board on this bus; closing it stops the replay first."""
+        """A board on this bus; closing it stops the replay first. Raises ValueError for another card."""
         board = Board(self.transport)
+        try:
+            raise_for_another_card(self.recording, board)
+        except BaseException:
+            board.close()
+            raise
         board.on_close(self.stop, SafeOff.SESSION)
         self._follow_watchdog(board)
+        self._board = board
         return board
 
     def _follow_watchdog(self, board: Board) -> None:
@@ -96,9 +105,12 @@ class Replay(BusAround):
             self._arm = board.watchdog.arm
 
     def play(self, index: int) -> None:
-        """The coming exchanges are those of record `index`. Raises IndexError."""
+        """The coming exchanges are those of record `index`. IndexError; ValueError: other remotes."""
         if not 0 <= index < len(self):
             raise IndexError(f"record {index} of {len(self)}")
+        if self._board is not None:
+            raise_for_other_remotes(self.recording, self._board)
+            self._board = None
         self._compare()
         self._index = None
         if index >= self._armed_at and self._arm is not None:
@@ -116,7 +128,7 @@ class Replay(BusAround):
         if self._index is None:
             return super().begin(transfers, count, error)
         record = self.recording.records[self._index]
-        if record["status"]:
+        if record["status"] and not self._came_back(record, transfers, count):
             return _fail(int(record["status"]), error)
         for address, write, words, index in places(transfers, count):
             if write:
@@ -129,6 +141,11 @@ class Replay(BusAround):
                 if status:
                     return status
         return int(lib.HM2_OK)
+
+    def _came_back(self, record: Any, transfers: Any, count: int) -> bool:
+        """Of a cycle's exchanges one may have come back although another did not."""
+        slots = (self._words.get(address | write) for address, write, _, _ in places(transfers, count))
+        return any(_is_fresh(record, slot) for slot in slots if slot is not None)
 
     def finish(self, deadline_ns: int, error: Any) -> int:
         """Nothing to wait for."""
@@ -171,8 +188,12 @@ class Replay(BusAround):
         return {
             register & ~1: int(record["words"][word])
             for register, word in self._words.items()
-            if register & 1 and record["fresh"][word // 32] >> np.uint32(word % 32) & 1
+            if register & 1 and _is_fresh(record, word)
         }
+
+
+def _is_fresh(record: Any, word: int) -> bool:
+    return bool(record["fresh"][word // 32] >> np.uint32(word % 32) & 1)
 
 
 def _fail(status: int, error: Any) -> int:

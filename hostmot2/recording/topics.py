@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
@@ -114,7 +115,7 @@ class Thinning:
     """Leaves the first record of each period of 1 / rate; rate None: all, 0: none."""
 
     def __init__(self, rate: float | None) -> None:
-        if rate is not None and not rate >= 0:
+        if rate is not None and not 0 <= rate < math.inf:
             raise ValueError(f"{rate} messages per second")
         self._rate = rate
         self._slot = -1

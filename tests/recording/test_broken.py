@@ -128,6 +128,12 @@ CHANNEL = {"channel": 0, "status_register": 0x5B00, "registers": [0x5C00], "fiel
             ),
             "channel 0 has more than",
         ),
+        (
+            lambda channel: channel.update(
+                fields=[ELEMENT | {"bits": 40, "kind": kind, "name": f"part{kind}"} for kind in (0x18, 0x28)]
+            ),
+            "part.* does not fit",
+        ),
         (lambda channel: channel.update(channel=8), "channel 8 at registers"),
         (lambda channel: channel.update(registers=[0x10000]), "channel 0 at registers"),
         (lambda channel: channel.update(status_register=-4), "channel 0 at registers"),
@@ -198,7 +204,15 @@ def test_a_file_that_may_not_be_read_says_so(tmp_path, monkeypatch):
         read(path)
 
 
-@pytest.mark.parametrize("rate", [-1.0, float("nan")])
+@pytest.mark.parametrize("text", ["\N{SUPERSCRIPT TWO}", "--5", "9" * 19, "x", "", "1e3", " 5"])
+def test_a_time_that_is_no_number_is_none(contents, text):
+    changed = contents.metadata | {"hm2.run": {"unix_ns_at_clock_0": text}}
+    run = Recording(dataclasses.replace(contents, metadata=changed))
+    assert run.unix_ns == 0
+    assert run.time_ns.tolist() == run.records["start_ns"].tolist()
+
+
+@pytest.mark.parametrize("rate", [-1.0, float("nan"), float("inf")])
 def test_a_rate_that_is_none_is_refused(rate):
     with pytest.raises(ValueError, match=f"{rate} messages per second"):
         Thinning(rate)
