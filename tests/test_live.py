@@ -245,6 +245,17 @@ def test_an_address_that_cannot_be_had_is_a_typed_error(engine: Any) -> None:
         with pytest.raises(live.LiveError, match="in use") as found:
             live.serve(engine, port=taken.getsockname()[1])
         assert found.value.code == "HM2-E114"
+    with live.serve(engine, port=0) as view:  # elsewhere, then
+        assert view.port
+
+
+def test_a_view_that_cannot_begin_lets_port_and_records_go(engine: Any) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as once:
+        port = once.getsockname()[1]
+    with pytest.raises(ValueError, match="messages per second"):
+        live.serve(engine, port=port, json_rate=-1.0)
+    with live.serve(engine, port=port) as view:
+        assert view.port == port
 
 
 def test_records_go_to_one_reader(engine: Any, tmp_path: Path) -> None:

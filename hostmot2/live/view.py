@@ -51,7 +51,13 @@ class LiveView(Pump):
         self.host, self.port = host, server.port
         self.layout = layout(inputs, outputs)
         """A layout for the viewer, to be imported there: JSON."""
-        super().__init__(ring, server, self.url, json_rate=json_rate, clock=clock, flush_s=COUNTERS_SECONDS)
+        try:
+            super().__init__(
+                ring, server, self.url, json_rate=json_rate, clock=clock, flush_s=COUNTERS_SECONDS
+            )
+        except BaseException:
+            server.close()  # or its port stays taken
+            raise
 
     @property
     def url(self) -> str:
@@ -80,6 +86,10 @@ def serve(
     ring = engine.record(slots, 0)
     inputs, outputs = signals_of(engine)
     name = f"{engine.board.name} {engine.board.url}"
-    return LiveView(
-        ring, inputs, outputs, host=host, port=port, json_rate=json_rate, clock=engine.now_ns, name=name
-    )
+    try:
+        return LiveView(
+            ring, inputs, outputs, host=host, port=port, json_rate=json_rate, clock=engine.now_ns, name=name
+        )
+    except BaseException:
+        engine.drop_records()  # it may be tried again, at another port
+        raise
