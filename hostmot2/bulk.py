@@ -68,7 +68,7 @@ def decode(
     for column, source in zip(compiled, sources, strict=False):
         kind = _column_dtype(source.element, floating)
         old = None if out is None or source.element.field.kind in COUNTERS else out.get(source.key)
-        usable = old is not None and old.shape == (count,) and old.dtype == kind and old.flags.c_contiguous
+        usable = old is not None and old.shape == (count,) and old.dtype == kind and old.flags.carray
         array = old if old is not None and usable else np.empty(count, kind)
         columns[source.key] = array
         _fill_column(column, source, array, words)

@@ -195,3 +195,13 @@ def test_records_that_do_not_lie_as_they_must():
         data.decode(whole[:, :, ::-1])
     with pytest.raises(ValueError, match="records in descending order"):
         data.decode(whole[::-1])
+
+
+def test_what_may_not_be_written_is_not_filled_again():
+    data = ProcessData({0: field_io()})
+    columns = data.decode(np.zeros((9, 3), np.uint32))
+    for column in columns.values():
+        column.setflags(write=False)
+    again = data.decode(np.full((9, 3), 7, np.uint32), out=columns)
+    assert not any(column.any() for column in columns.values())
+    assert all(again[key] is not columns[key] for key in columns)

@@ -100,7 +100,7 @@ def play(
         _play_into(session, run, control, speed, mapped)
         return
     signals = [each.name for each in run.inputs] + [n for n in run if n in run.elements]
-    names = list(columns) or list(dict.fromkeys(signals)) or list(run)
+    names = [run.spelled(name) for name in columns] or list(dict.fromkeys(signals)) or list(run)
     at = slice(None, None, every)
     chosen = {name: run[name][at] for name in names}
     document = {
@@ -124,14 +124,26 @@ def play(
 def _lines(run: Any, chosen: dict[str, Any], every: int) -> Iterator[str]:
     units = run.units
     heads = [f"{name} [{units[name]}]" if name in units else name for name in chosen]
-    yield "\t".join(["seconds", "cycle", *heads])
-    log = [(entry.time_ns, f"# {entry.name}: {entry.message}") for entry in run.log]
+    yield "\t".join(["seconds", "cycle", *map(_printable, heads)])
+    log = [(entry.time_ns, _printable(f"# {entry.name}: {entry.message}")) for entry in run.log]
     for index in range(0, len(run.records), every):
         while log and log[0][0] <= run.time_ns[index]:
             yield log.pop(0)[1]
-        cells = (f"{values[index // every]:g}" for values in chosen.values())
+        cells = (_cell(values[index // every].item()) for values in chosen.values())
         yield "\t".join([f"{run.seconds[index]:.6f}", str(run.cycle[index]), *cells])
     yield from (text for _, text in log)
+
+
+def _printable(text: str) -> str:
+    """A file that came from elsewhere is not to steer the terminal."""
+    return "".join(each if each.isprintable() else "?" for each in text)
+
+
+def _cell(value: float) -> str:
+    """Whole numbers are whole: a word of bits is read bit by bit, counts are compared."""
+    if isinstance(value, float) and not (value.is_integer() and abs(value) < 1 << 53):
+        return f"{value:.9g}"
+    return str(int(value))
 
 
 def _play_into(session: Session, run: Any, control: Path, speed: float, mapped: tuple[str, ...]) -> None:

@@ -15,10 +15,8 @@ ROWS_AT_ONCE = 4096
 
 
 def columns_of(recording: Recording, names: Sequence[str] = ()) -> list[str]:
-    """The columns meant: `names`, or all. KeyError for one that is not there."""
-    for name in names:
-        recording[name]
-    return list(names) if names else list(recording)
+    """The columns meant: `names`, or all, spelled as in the file. KeyError for one that is not there."""
+    return [recording.spelled(name) for name in names] or list(recording)
 
 
 def to_csv(recording: Recording, path: str | Path, names: Sequence[str] = ()) -> None:

@@ -80,7 +80,8 @@ def envelope(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> tuple[npt.NDArray[Any]
     whole = len(values) // stretch * stretch
     blocks = values[:whole].reshape(-1, stretch)
     starts = np.arange(0, whole, stretch)
-    filled = np.where(np.isnan(blocks), 0.0, blocks)
-    low, high = starts + filled.argmin(axis=1), starts + filled.argmax(axis=1)
+    gaps = np.isnan(blocks)  # hide no peak beside them
+    low = starts + np.where(gaps, np.inf, blocks).argmin(axis=1)
+    high = starts + np.where(gaps, -np.inf, blocks).argmax(axis=1)
     chosen = np.unique(np.concatenate((low, high, np.arange(whole, len(values)))))
     return x[chosen], values[chosen]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
 
 from hostmot2.recording.recording import Recording
@@ -13,14 +14,20 @@ _ENCODER = re.compile(r"encoder(\d+)\.raw_count")
 
 
 def emulator_keys(recording: Recording) -> dict[str, str]:
-    """Key of `hm2 emu` -> column, for what a machine tells its host: remotes' inputs, encoder positions."""
+    """Key of `hm2 emu` -> column, for what a machine tells its host: remotes' inputs, encoder positions.
+
+    The second remote with an element of the same name is taken for the second daughter card's.
+    """
     keys: dict[str, str] = {}
+    cards: Counter[str] = Counter()
     inputs = {signal.name for signal in recording.inputs} | recording.input_elements
     for name in recording:
         if found := _ENCODER.fullmatch(name):
             keys[f"encoder{found[1]}_position"] = name
         elif name in inputs and (found := _ELEMENT.fullmatch(name)):
-            keys.setdefault(found[1].lower(), name)
+            element = found[1].lower()
+            keys[f"{cards[element]}.{element}" if cards[element] else element] = name
+            cards[element] += 1
     return keys
 
 

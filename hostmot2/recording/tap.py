@@ -42,26 +42,41 @@ class Tap(BusAround):
         if self.ring is not None:
             self._next_record(self.ring)
             self._outstanding = transfers, count
-        return super().begin(transfers, count, error)
+        status = super().begin(transfers, count, error)
+        if status != lib.HM2_OK:  # nobody will finish it
+            self._end(status)
+        return status
 
     def finish(self, deadline_ns: int, error: Any) -> int:
         """Notes the words, or the failure."""
         status = super().finish(deadline_ns, error)
+        self._end(status)
+        return status
+
+    def _end(self, status: int) -> None:
+        """Of an exchange. What failed first is the record's status, whatever came back behind it."""
         if self._outstanding is not None and self._record is not None:
             if status == lib.HM2_OK:
                 self._note(*self._outstanding)
-            self._record["status"] = status
+            elif not self._record["status"][0]:
+                self._record["status"] = status
             self._record["stage_ns"] = self._passed()
         self._outstanding = None
-        return status
 
     def push(self, inputs: Sequence[float] = (), outputs: Sequence[float] = (), flags: int = 0) -> bool:
-        """What was noted since the last push becomes a record; False: no room, counted as dropped."""
+        """What was noted since the last push becomes a record; False: no room, counted as dropped.
+
+        Raises ValueError where inputs and outputs are not as many as the ring's records have.
+        """
         if self.ring is None:
             raise ValueError("the tap has no ring")
         self._next_record(self.ring)
         record = self._record
-        record["inputs"], record["outputs"], record["flags"] = inputs, outputs, flags
+        for name, values in (("inputs", inputs), ("outputs", outputs)):
+            if len(values) != record[name].shape[1]:  # numpy would repeat a single one
+                raise ValueError(f"{len(values)} {name}, the records have {record[name].shape[1]}")
+            record[name] = values
+        record["flags"] = flags
         record["image_words"] = len(self.registers)
         pushed = self.ring.push(record)
         self._cycle += 1

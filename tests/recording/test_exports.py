@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hostmot2.record_ring import RecordRing
-from hostmot2.recording import Recorder, plot, read, to_csv, to_parquet
+from hostmot2.recording import Recorder, Signal, plot, read, to_csv, to_parquet
 from hostmot2.recording.picture import envelope
 from hostmot2.recording.play import emulator_keys, play
 from recording.making import DTYPE, IMAGE, INPUTS, OUTPUTS, PERIOD_NS, push_all, record_file, records
@@ -60,6 +60,17 @@ def test_few_points_keep_every_peak():
     assert few_x[few_y.argmax()] == x[123_456]
     assert few_x[few_y.argmin()] == x[654_321]
     assert (np.diff(few_x) > 0).all()
+
+
+def test_what_is_no_number_hides_no_peak_beside_it():
+    y = np.full(100_000, 5.0)
+    y[500::1000] = np.nan
+    y[70_007], y[30_003] = 6.0, 4.0
+    few = envelope(np.arange(100_000.0), y)[1]
+    assert (np.nanmin(few), np.nanmax(few)) == (4.0, 6.0)
+    assert np.isfinite(few).all(), "a stretch has other values"
+    alone = envelope(np.arange(100_000.0), np.full(100_000, np.nan))[1]
+    assert np.isnan(alone).all()
 
 
 def test_what_is_not_there_cannot_be_drawn(path, tmp_path):
@@ -118,10 +129,44 @@ def test_hm2_play_prints_rows(hm2, path):
     lines = out.splitlines()
     assert "300 cycles" in lines[0]
     assert lines[1].split("\t") == ["seconds", "cycle", "enc0.position [mm]"]
-    assert lines[3].split("\t") == ["0.025000", "100", f"{100 / 7:g}"]
+    assert lines[3].split("\t") == ["0.025000", "100", f"{100 / 7:.9g}"]
     document = json.loads(hm2("--json", "play", path, "-c", "cycle")[1])
     assert document["columns"] == {"cycle": list(range(300))}
     assert (document["dropped"], document["gaps"], document["missing"]) == (0, [], [])
+
+
+def test_hm2_play_shows_words_and_counts_whole(hm2, tmp_path):
+    made = records(0, 3)
+    made["inputs"][:, 0] = [0xFFFFFFFF, -12345678, np.nan]
+    made["inputs"][:, 1] = [1234.56789, 1e300, -np.inf]
+    path = record_file(tmp_path / "run.mcap", made)
+    lines = hm2("play", path, "-c", "enc0.position", "-c", "enc0.velocity")[1].splitlines()[2:]
+    assert [line.split("\t")[2:] for line in lines] == [
+        ["4294967295", "1234.56789"],
+        ["-12345678", "1e+300"],
+        ["nan", "-inf"],
+    ]
+
+
+def test_columns_have_their_units_in_whatever_capitals_they_are_asked_for(hm2, path, tmp_path):
+    run = read(path)
+    to_csv(run, tmp_path / "run.csv", ["ENC0.Position"])
+    assert (tmp_path / "run.csv").read_text().splitlines()[0] == "time_ns,enc0.position [mm]"
+    assert "enc0.position [mm]" in hm2("play", path, "-c", "ENC0.POSITION")[1]
+    with pytest.raises(KeyError, match="no column 'nothing'"):
+        to_csv(run, tmp_path / "none.csv", ["nothing"])
+
+
+def test_a_foreign_file_does_not_steer_the_terminal(hm2, tmp_path):
+    ring = RecordRing(DTYPE, 8)
+    names = (Signal("x\x1b[2J\n", "mm\x07"), Signal("y"))
+    with Recorder(ring, tmp_path / "run.mcap", names, OUTPUTS, clock=lambda: 10**12) as recorder:
+        push_all(ring, records(0, 2))
+        recorder.log("gone\x1b[1A\r\nhm2: all is well", "warning", "\x9b2K", 10**12)
+    shown = hm2("play", tmp_path / "run.mcap")[1]
+    assert all(each.isprintable() or each in "\n\t" for each in shown)
+    assert "# ?2K: gone?[1A??hm2: all is well" in shown
+    assert "x?[2J? [mm?]" in shown
 
 
 def test_hm2_plot_and_export_write_files(hm2, path, tmp_path):

@@ -327,6 +327,56 @@ def test_a_tap_without_a_ring_records_nothing_and_one_without_room_keeps_what_ha
             assert made["words"].tolist() == [board.read(0x0100), board.read(0x0104)]
 
 
+class Refusing(BusAround):
+    """A bus that takes no exchange while it is `refusing`, as a socket of a network that is down."""
+
+    refusing = False
+
+    def begin(self, transfers, count, error):
+        return lib.HM2_ERR_IO if self.refusing else super().begin(transfers, count, error)
+
+
+def test_a_tap_notes_an_exchange_that_did_not_even_begin():
+    with EmulatedBoard(CARD, clock="virtual") as card:
+        line = Refusing(transport_of(card))
+        tap = Tap(line.transport)
+        with Board(tap.transport) as board:
+            tap.ring = RecordRing(record_dtype(words=4), 8)
+            for line.refusing in (False, True, False):
+                for _ in range(2):  # what comes back later does not undo it
+                    try:
+                        board.read(0x0100)
+                    except errors.TransportError:
+                        line.refusing = False
+                tap.push()
+            assert tap.ring.pop()["status"].tolist() == [0, lib.HM2_ERR_IO, 0]
+            tap.ring = None
+
+
+def test_a_tap_takes_as_many_values_as_its_records_have():
+    with EmulatedBoard(CARD, clock="virtual") as card:
+        tap = Tap(transport_of(card))
+        with Board(tap.transport):
+            tap.ring = RecordRing(record_dtype(words=4, inputs=2, outputs=1), 8)
+            for inputs, outputs in (([1.0], [2.0]), ([1.0, 2.0], []), ([], [1.0])):
+                with pytest.raises(ValueError, match="the records have"):
+                    tap.push(inputs, outputs)
+            assert tap.push([1.0, 2.0], [3.0])
+            assert tap.ring.pop()["inputs"].tolist() == [[1.0, 2.0]]
+            tap.ring = None
+
+
+def test_remotes_with_the_same_elements_are_played_to_daughter_cards_of_their_own():
+    names = ["sserial0.0.Input", "sserial0.1.AnalogIn", "sserial0.3.Input", "sserial0.4.AnalogIn"]
+    made = type("Run", (SimpleNamespace,), {"__iter__": lambda self: iter(names)})
+    assert emulator_keys(made(inputs=(), input_elements=frozenset(names))) == {
+        "input": names[0],
+        "analogin": names[1],
+        "1.input": names[2],
+        "1.analogin": names[3],
+    }
+
+
 def test_an_exception_in_a_bus_between_is_an_error_of_the_exchange(caplog):
     class Broken(BusAround):
         def begin(self, transfers, count, error):

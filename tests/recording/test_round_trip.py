@@ -235,6 +235,21 @@ def test_the_log_is_kept_with_its_times(tmp_path):
     ]
 
 
+def test_signals_have_names_of_their_own(tmp_path):
+    twice = [Signal("x"), Signal("x", "mm")]
+    with pytest.raises(ValueError, match="two inputs have the same name"):
+        Recorder(RecordRing(DTYPE, 8), tmp_path / "run.mcap", twice, OUTPUTS)
+    assert not (tmp_path / "run.mcap").exists()
+
+
+def test_columns_cannot_be_changed(tmp_path):
+    run = read(record_file(tmp_path / "run.mcap", records(0, 3)))
+    for name, column in run.items():
+        with pytest.raises(ValueError, match="read-only"):
+            column[0] = 1
+        assert not column.flags.writeable, name
+
+
 def test_signals_and_records_must_agree(tmp_path):
     with pytest.raises(ValueError, match="1 inputs are named, records have 2"):
         Recorder(RecordRing(DTYPE, 8), tmp_path / "run.mcap", [Signal("x")], OUTPUTS)
