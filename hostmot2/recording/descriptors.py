@@ -49,8 +49,8 @@ class ElementText(msgspec.Struct):
     kind: int
     bits: int
     direction: int
-    minimum: float
-    maximum: float
+    minimum: float | None
+    maximum: float | None
     unit: str
     input_scale: float | None = None
     output_scale: float | None = None
@@ -140,18 +140,18 @@ def _field(field: Field, data: ProcessData, channel: int) -> ElementText:
         int(field.kind),
         field.bits,
         int(field.direction),
-        field.minimum,
-        field.maximum,
+        _finite(field.minimum),
+        _finite(field.maximum),
         field.unit,
     )
     if field.kind is FieldKind.PAD:
         return text
     if field.name in data.inputs[channel] and field.direction is not Direction.OUTPUT:
         scaling = data.inputs[channel].scaling(field.name)
-        text.input_scale, text.input_invert = scaling.scale, scaling.invert
+        text.input_scale, text.input_invert = _finite(scaling.scale), scaling.invert
     if field.name in data.outputs[channel] and field.direction is not Direction.INPUT:
         scaling = data.outputs[channel].scaling(field.name)
-        text.output_scale, text.output_invert = scaling.scale, scaling.invert
+        text.output_scale, text.output_invert = _finite(scaling.scale), scaling.invert
         text.output_low, text.output_high = _finite(scaling.low), _finite(scaling.high)
     return text
 
@@ -202,9 +202,17 @@ def key_prefix(port: PortText, channel: ChannelText) -> str:
 def fields_of(channel: ChannelText) -> list[Field]:
     """The fields, as discovery found them."""
     return [
-        Field(f.name, FieldKind(f.kind), f.bits, Direction(f.direction), f.minimum, f.maximum, f.unit)
+        Field(f.name, FieldKind(f.kind), f.bits, Direction(f.direction), *_limits(f), f.unit)
         for f in channel.fields
     ]
+
+
+def _limits(text: ElementText) -> tuple[float, float]:
+    """JSON has no infinity."""
+    return (
+        -math.inf if text.minimum is None else text.minimum,
+        math.inf if text.maximum is None else text.maximum,
+    )
 
 
 def _check(channel: ChannelText) -> None:
@@ -252,26 +260,24 @@ def _taken(port: PortText, channel: ChannelText, source: Words) -> npt.NDArray[n
         taken = taken & (command == 0)
     if failed is not None:
         taken = taken & (failed >> np.uint32(channel.channel) & 1 == 0)
-    return taken if command is None else _without_doubtful(port, source, taken, command)
+    return taken if command is None else taken & ~_doubtful(port, source, command)
 
 
-def _without_doubtful(
-    port: PortText, source: Words, taken: npt.NDArray[np.bool_], command: npt.NDArray[np.uint32]
-) -> npt.NDArray[np.bool_]:
-    """Without the results that the driver takes for none: the first behind a DOIT that got lost while no
-    other was on its way. It may be the one before, taken already.
+def _doubtful(port: PortText, source: Words, command: npt.NDArray[np.uint32]) -> npt.NDArray[np.bool_]:
+    """Results that the driver takes for none: the first behind a DOIT that got lost while no other was on its
+    way. It may be the one before, taken already.
     """
     looked, launched = (source.fresh(port.command_register, written) for written in (False, True))
     ended = looked & (command == 0)
+    found = np.zeros(source.count, np.bool_)
     last = np.maximum.accumulate(np.where(ended | (launched & ~looked), np.arange(source.count), -1))
     flying = (last >= 0) & launched[last]  # behind each record
     before = np.concatenate((np.zeros(1, np.bool_), flying[:-1]))
-    lost = np.flatnonzero(source.failed & ~np.where(ended, launched, before))
-    order = np.flatnonzero(taken)
+    lost = np.flatnonzero(source.failed & ~launched & (ended | ~before))
+    order = np.flatnonzero(ended)
     at = np.searchsorted(order, lost, side="right")
-    taken = taken.copy()
-    taken[order[at[at < len(order)]]] = False
-    return taken
+    found[order[at[at < len(order)]]] = True
+    return found
 
 
 def _held(column: npt.NDArray[np.uint32], taken: npt.NDArray[np.bool_]) -> npt.NDArray[np.uint32]:
