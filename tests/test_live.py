@@ -10,6 +10,7 @@ import socket
 import struct
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -20,6 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 import hostmot2
@@ -256,6 +258,24 @@ def test_a_view_that_cannot_begin_lets_port_and_records_go(engine: Any) -> None:
         live.serve(engine, port=port, json_rate=-1.0)
     with live.serve(engine, port=port) as view:
         assert view.port == port
+
+
+def test_who_connects_and_says_nothing_does_not_keep_it_open(engine: Any, look_at: Look) -> None:
+    """A browser does, to be quick later: the view was never closed then, and its program never ended."""
+    with live.serve(engine, port=0) as view:
+        silent = [socket.create_connection(("127.0.0.1", view.port)) for _ in range(3)]
+        seen = look_at(view.url)
+        seen.subscribe(form.CYCLE)
+        ending = threading.Thread(target=view.close, daemon=True)
+        ending.start()
+        ending.join(20)
+        assert not ending.is_alive()
+        with pytest.raises(ConnectionClosed):
+            seen.receive()
+    for each in silent:
+        each.close()
+    with live.LiveView(RecordRing(record_dtype(), 8), port=view.port):
+        pass  # there is room for the next
 
 
 def test_records_go_to_one_reader(engine: Any, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ from hostmot2.recording import format as form
 from hostmot2.recording.format import Signal
 from hostmot2.recording.topics import Message, Messages, topics
 
+STOP_SECONDS = 2.0
 LEFT_OUT = (form.IMAGE,)
 """Belongs to the binary records, which are for files."""
 
@@ -85,5 +87,11 @@ class Server:
         """Viewers are not told; they see the connection end."""
 
     def close(self) -> None:
-        """End all connections."""
-        self._server.stop()
+        """End all connections.
+
+        The server waits for those that have not yet said what they want, for ever if need be; a daemon thread
+        does that, and this program goes on.
+        """
+        stopping = threading.Thread(target=self._server.stop, name="hm2 live ends", daemon=True)
+        stopping.start()
+        stopping.join(STOP_SECONDS)
