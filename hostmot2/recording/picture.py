@@ -42,8 +42,8 @@ def plot(recording: Recording, path: str | Path, names: Sequence[str] = ()) -> N
         axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small")
         axis.grid(visible=True, alpha=0.3)
         for gap in recording.gaps:
-            at = recording.seconds[np.searchsorted(recording.cycle, gap.first)]
-            axis.axvline(at, color="tab:red", linewidth=0.8, linestyle=":")
+            at = min(int(np.searchsorted(recording.cycle, gap.first)), len(recording.seconds) - 1)
+            axis.axvline(recording.seconds[at], color="tab:red", linewidth=0.8, linestyle=":")
     axes[-1].set(xlabel="seconds")
     figure.suptitle(_title(recording))
     figure.savefig(path)

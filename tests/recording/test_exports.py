@@ -222,3 +222,8 @@ def test_a_gap_is_drawn_where_records_are_missing(tmp_path, monkeypatch):
     assert [(gap.first, gap.count) for gap in run.gaps] == [(50, 30)]
     plot(run, tmp_path / "gap.png", ["enc0.position"])
     assert lines == [pytest.approx(80 * PERIOD_NS / 1e9)]
+    backwards = np.concatenate(
+        [records(80, 50), records(200, 50), records(0, 50)]
+    )  # as a damaged file has it
+    plot(read(record_file(tmp_path / "back.mcap", backwards)), tmp_path / "back.png", ["enc0.position"])
+    assert len(lines) == 2
