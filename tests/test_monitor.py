@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +16,7 @@ import hostmot2
 from hostmot2 import recording
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.emulator.cards import card as described
+from hostmot2.emulator.ethernet import EthernetServer, Fault
 from hostmot2.errors import CardBusy, EngineError, HostMot2Error, TransportTimeout
 from hostmot2.modules import driven
 from hostmot2.monitor import Source, text
@@ -84,6 +87,46 @@ def test_looking_shows_what_another_program_does(card: EmulatedBoard) -> None:
         assert row(now.bits, "P3 driven").value == card.read(0x1100) & 0x1FFFF
         assert row(now.bits, "P2 pads").value == card.read(0x1004) & 0x1FFFF
         assert "--start all" in now.hints[0]
+
+
+def until(source: Source, wanted: Callable[[Snapshot], bool]) -> Snapshot:
+    end = time.monotonic() + 20
+    while not wanted(source.latest):
+        assert source.failure is None
+        assert time.monotonic() < end, source.latest
+        time.sleep(0.02)
+    return source.latest
+
+
+def test_looking_goes_on_when_the_network_is_back() -> None:
+    """A link is given up after some lost exchanges; whoever only looks has nothing to set up anew."""
+    served = EmulatedBoard("7i92+7i77", clock="real")
+    with EthernetServer(served) as server, hostmot2.open(server.url, read_only=True) as board:
+        looking = Source(board)
+        looking.start()
+        until(looking, lambda now: now.cycles > 0)
+        server.set_fault(Fault(loss=1.0))
+        until(looking, lambda now: now.problem is not None and now.problem.explain == "HM2-E090")
+        server.set_fault(Fault())
+        back = until(looking, lambda now: now.problem is None)
+        until(looking, lambda now: now.cycles > back.cycles + 20 and now.lost == back.lost)
+        looking.close()
+
+
+def test_who_drives_is_told_to_begin_anew_when_the_link_was_given_up() -> None:
+    served = EmulatedBoard("7i92+7i77", clock="real")
+    with EthernetServer(served) as server, hostmot2.open(server.url) as board:
+        driving = Source(board, start={}, allow_write=True)
+        driving.start()
+        server.set_fault(Fault(loss=1.0))
+        told = until(driving, lambda now: now.problem is not None and now.problem.explain == "HM2-E090")
+        assert told.problem is not None
+        assert "quit and start the monitor anew" in told.problem.text
+        server.set_fault(Fault())
+        time.sleep(0.5)
+        assert driving.latest.problem is not None, "nothing goes on by itself"
+        with suppress(HostMot2Error):
+            driving.close()
 
 
 def test_outputs_cannot_be_armed_when_only_looking(card: EmulatedBoard) -> None:

@@ -6,6 +6,7 @@ import asyncio
 import os
 import signal
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from textual.widgets import Input
 import hostmot2
 from hostmot2.emulator import EmulatedBoard, catalog
 from hostmot2.emulator.cards import CARD_NAMES
-from hostmot2.errors import EngineError
+from hostmot2.errors import EngineError, LinkFailed
 from hostmot2.monitor import Source, app, text
 from hostmot2.monitor.app import MonitorApp
 from hostmot2.monitor.help import help_text
@@ -320,6 +321,26 @@ def test_a_view_that_hangs_after_a_signal_is_ended_with_its_outputs_off(
     assert ended == ["closed", 143]
     started.look()
     assert not started.outputs.armed
+
+
+def test_a_view_that_hangs_is_ended_though_its_card_cannot_be_reached(
+    started: Source, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended: list[object] = []
+    monkeypatch.setattr(app, "HUNG_SECONDS", 0.0)
+    monkeypatch.setattr(app.os, "_exit", ended.append)
+
+    def unreachable() -> None:
+        raise LinkFailed("udp link: link given up")
+
+    async def script(view: MonitorApp, pilot: Any) -> None:
+        loop = asyncio.get_running_loop()
+        with suppress(LinkFailed), monkeypatch.context() as patched:
+            patched.setattr(started, "close", unreachable)
+            await loop.run_in_executor(None, view._leave, loop, 143)
+
+    drive(started, script)
+    assert ended == [143]
 
 
 @pytest.mark.parametrize(

@@ -341,8 +341,10 @@ class MonitorApp(App[int]):
         if not loop.is_closed():
             loop.call_soon_threadsafe(self.exit, code)
         if not self.ended.wait(HUNG_SECONDS):
-            self.source.close()
-            os._exit(code)
+            try:
+                self.source.close()
+            finally:  # a card that cannot be reached any more is its watchdog's
+                os._exit(code)
 
     def _end(self, code: int) -> None:
         self.source.outputs.disarm()

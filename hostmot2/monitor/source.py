@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from hostmot2.engine import Engine, Off
-from hostmot2.errors import EngineError, HostMot2Error
+from hostmot2.errors import EngineError, HostMot2Error, LinkFailed
 from hostmot2.modules.driven import raise_if_driven
 from hostmot2.monitor.events import EventLog, off_words
 from hostmot2.monitor.latency import LatencyHistory
@@ -20,7 +20,7 @@ from hostmot2.monitor.recordings import Recordings
 from hostmot2.monitor.rows import Rows
 from hostmot2.monitor.snapshot import Problem, Snapshot
 from hostmot2.monitor.watched import Watched, module_of
-from hostmot2.registers import Gtag
+from hostmot2.registers import Gtag, Id
 from hostmot2.sserial import ChannelCounters, NoFirmware
 
 if TYPE_CHECKING:
@@ -216,7 +216,20 @@ class Source:
         if not stale:
             return None
         try:
-            self.board.read(0x0100)
+            self.board.read(Id.cookie.number)
+        except LinkFailed as error:
+            if self.driving:
+                return Problem(f"{error}: quit and start the monitor anew when the card answers", error.code)
+            return None if self._link_is_back() else Problem(str(error), error.code)
         except HostMot2Error as error:
             return Problem(str(error), error.code)
         return None
+
+    def _link_is_back(self) -> bool:
+        """Of a card that is only looked at: nothing was set up in it that it may have lost meanwhile."""
+        try:
+            with self.board._link_taken_up():
+                self.board.read(Id.cookie.number)
+        except HostMot2Error:
+            return False
+        return True
