@@ -161,11 +161,11 @@ class Engine(EngineView):
         return axis
 
     def record(self, slots: int = 8192, words: int = 128) -> RecordRing:
-        """A ring that gets one record per cycle, to be emptied by one reader. Before start().
+        """A ring that gets one record per cycle, to be emptied by one reader. Before start(), last of all.
 
         slots: a power of two; words: room for the raw register image. What finds no room is counted in
         `ring.counters`; the engine never waits. layout() tells what the image's words are. There is one ring:
-        EngineError for the second who asks.
+        EngineError for the second who asks; and from start() where signals were added behind it.
         """
         self._before_start()
         if self._plan.ring is not None:
