@@ -219,7 +219,6 @@ def _check(channel: ChannelText) -> None:
     layout = Layout(fields_of(channel))
     if layout.words > WORDS or not len(channel.registers) <= WORDS:
         raise ValueError(f"channel {channel.channel} has more than {WORDS} registers")
-    ProcessData({0: layout}, words=WORDS)  # refuses what only together cannot be, a counter of two parts, say
     addresses = (channel.status_register, *channel.registers)
     if channel.channel not in range(CHANNELS) or not all(0 <= at < 0x10000 for at in addresses):
         raise ValueError(f"channel {channel.channel} at registers {addresses}")

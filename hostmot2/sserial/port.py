@@ -112,9 +112,10 @@ class SserialPort(PortMemory):
         """Start the channels in `mask` (bit n: channel n), their outputs zero until you set them.
 
         normal: process data. Switches the port's pins to it, and reads the tables of remotes that are not
-        known yet (once, but the full scale of an 8I20 each time that nothing else runs: 36 ms for a 7I77, 3 ms
-        for an 8I20, 55 ms more where a channel is silent). Faults of the start are told at its end. Channels
-        that run already go on undisturbed, unless they are at fault: those are stopped and started anew.
+        known yet (once, but the full scale of an 8I20 each time that nothing else runs: 36 ms for a 7I77,
+        3 ms for an 8I20, 55 ms more where a channel is silent). Faults of the start are told at its end.
+        Channels that run already go on undisturbed, unless they are at fault: those are stopped and started
+        anew.
         setup: access to the remotes' memory, for `read_remote` and `parameters`.
 
         A channel that does not start does not keep others from it: see the result's `failed` and its text

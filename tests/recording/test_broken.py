@@ -128,12 +128,6 @@ CHANNEL = {"channel": 0, "status_register": 0x5B00, "registers": [0x5C00], "fiel
             ),
             "channel 0 has more than",
         ),
-        (
-            lambda channel: channel.update(
-                fields=[ELEMENT | {"bits": 40, "kind": kind, "name": f"part{kind}"} for kind in (0x18, 0x28)]
-            ),
-            "part.* does not fit",
-        ),
         (lambda channel: channel.update(channel=8), "channel 8 at registers"),
         (lambda channel: channel.update(registers=[0x10000]), "channel 0 at registers"),
         (lambda channel: channel.update(status_register=-4), "channel 0 at registers"),
