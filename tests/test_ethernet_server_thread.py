@@ -98,7 +98,7 @@ def test_there_is_one_thread_and_python_does_not_know_it():
             assert len(tasks() - before) == 1
             assert threading.active_count() == threads
             assert len(sys._current_frames()) == frames
-        assert tasks() == before
+        assert tasks() <= before  # others may end meanwhile
 
 
 @pytest.mark.parametrize("wait", ["02", "06"])

@@ -22,6 +22,7 @@ from steps import ROOT, SANITIZER_REPORT, STEPS, Failed, Repeat, Skipped, last_l
 
 BUILD = ROOT / "build"
 PYTHON = sys.executable
+PYTEST = ("-m", "pytest", "-q", "-rfE")  # what was skipped, `make test` has told
 FUZZ_RUNS = 20_000
 FUZZ_PYTHON_RUNS = 2_000
 MAKE = ("make", "--no-print-directory", "-j2", "-f", "tests/c/Makefile")
@@ -93,7 +94,7 @@ def tests_sanitized() -> str:
     where = run(PYTHON, "-P", "-c", "import hostmot2._core as core; print(core.__file__)", env=env, cwd=BUILD)
     if not where.strip().endswith(".so") or str(place) not in where:
         raise Failed(f"the sanitized extension was not the one loaded: {where}")
-    command = [PYTHON, "-P", "-m", "pytest", "-q", "-n", "2", "-m", "not slow", "-p", "no:cacheprovider"]
+    command = [PYTHON, "-P", *PYTEST, "-n", "2", "-m", "not slow", "-p", "no:cacheprovider"]
     options = ["-c", str(ROOT / "pyproject.toml"), "--rootdir", str(ROOT), str(ROOT / "tests")]
     # the C units are sanitized by themselves; a test that counts allocations needs an allocator of its own
     apart = [f"--ignore={ROOT}/tests/test_{name}.py" for name in ("c_units", "no_allocation")]
@@ -121,7 +122,7 @@ def repeat_alone(first: Failed, command: list[str], env: dict[str, str]) -> Repe
 @step
 def tests_slow() -> str:
     """The tests marked slow."""
-    command = [PYTHON, "-m", "pytest", "-q", "-m", "slow"]
+    command = [PYTHON, *PYTEST, "-m", "slow"]
     try:
         return last_line(run(*command, "-n", "2", codes=(0, 5)))
     except Failed as first:

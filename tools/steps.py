@@ -60,7 +60,7 @@ def run(
     if result.returncode not in codes:
         report = SANITIZER_REPORT.search(result.stdout)  # that is where to look first
         head = f"{report[0][:2000]}\n...\n" if report else ""
-        tail = result.stdout[-6000:]
+        tail = result.stdout[-12000:]
         raise Failed(f"$ {' '.join(command)}\n{head}{tail}exit status {result.returncode}")
     return result.stdout
 
