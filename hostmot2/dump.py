@@ -95,7 +95,7 @@ def _take_tables(board: Board, words: dict[int, int]) -> None:
 
 def to_text(dump: Dump) -> str:
     """The dump as the text of a file."""
-    lines = [FIRST_LINE, *(f"# {key}: {_printable(value)}" for key, value in dump.facts.items())]
+    lines = [FIRST_LINE, *(f"# {key}: {printable(value)}" for key, value in dump.facts.items())]
     for address in sorted({*dump.words, *dump.omitted}):
         name = dump.names.get(address, "")
         if address in dump.words:
@@ -106,9 +106,9 @@ def to_text(dump: Dump) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _printable(fact: str) -> str:
-    """A broken IDROM's board name may hold anything: no line ends within a fact."""
-    return "".join(each if each.isprintable() else "?" for each in fact)
+def printable(text: str) -> str:
+    """Text from elsewhere, a broken IDROM's board name, say: it ends no line and steers no terminal."""
+    return "".join(each if each.isprintable() else "?" for each in text)
 
 
 def from_text(text: str) -> Dump:

@@ -12,6 +12,7 @@ import click
 from hostmot2.cli.progress import stages
 from hostmot2.cli.run import start_remotes, until, watch
 from hostmot2.cli.session import Session, reports, rows
+from hostmot2.dump import printable
 from hostmot2.emulator.control import ask
 
 FILE = click.Path(dir_okay=False, path_type=Path)
@@ -124,19 +125,14 @@ def play(
 def _lines(run: Any, chosen: dict[str, Any], every: int) -> Iterator[str]:
     units = run.units
     heads = [f"{name} [{units[name]}]" if name in units else name for name in chosen]
-    yield "\t".join(["seconds", "cycle", *map(_printable, heads)])
-    log = [(entry.time_ns, _printable(f"# {entry.name}: {entry.message}")) for entry in run.log]
+    yield "\t".join(["seconds", "cycle", *map(printable, heads)])
+    log = [(entry.time_ns, printable(f"# {entry.name}: {entry.message}")) for entry in run.log]
     for index in range(0, len(run.records), every):
         while log and log[0][0] <= run.time_ns[index]:
             yield log.pop(0)[1]
         cells = (_cell(values[index // every].item()) for values in chosen.values())
         yield "\t".join([f"{run.seconds[index]:.6f}", str(run.cycle[index]), *cells])
     yield from (text for _, text in log)
-
-
-def _printable(text: str) -> str:
-    """A file that came from elsewhere is not to steer the terminal."""
-    return "".join(each if each.isprintable() else "?" for each in text)
 
 
 def _cell(value: float) -> str:
