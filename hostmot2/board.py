@@ -22,8 +22,8 @@ from hostmot2.parts import PARTS
 from hostmot2.registers import Gtag, Id
 from hostmot2.transports.base import Transport
 
-LONGEST_PAUSE = 1e9
-"""Seconds."""
+LONGEST_SECONDS = 1e9
+"""What may be told in seconds, which the core counts in ns of 64 bits."""
 
 
 class SafeOff(IntEnum):
@@ -190,7 +190,7 @@ class Board:
 
         Raises ValueError for infinity and what is no number.
         """
-        if not seconds < LONGEST_PAUSE:
+        if not seconds < LONGEST_SECONDS:
             raise ValueError(f"a pause of {seconds} s")
         lib.hm2_board_pause_ns(self._handle, round(seconds * 1e9))
 

@@ -7,6 +7,7 @@ import warnings
 from typing import TYPE_CHECKING, Any, Literal, TypedDict
 
 from hostmot2._core import ffi, lib
+from hostmot2.board import LONGEST_SECONDS
 from hostmot2.idrom import HostMot2Warning
 
 if TYPE_CHECKING:
@@ -19,8 +20,6 @@ PRIORITY = 60
 """SCHED_FIFO priority of real_time=True."""
 EARLY = 60e-6
 LONGEST_REPLY_NS = 20_000_000  # below the time after which a bus repeats by itself
-LONGEST = 1e9
-"""Seconds."""
 PIPELINED_RATE = 1600.0
 """Hz: in one exchange a DOIT must be over before the next, which takes 0.6 ms to be sure of."""
 
@@ -67,10 +66,10 @@ def new_config(
         raise ValueError(f"rate {rate} Hz is outside 0.001..20000 Hz")
     if overrun not in _OVERRUNS:
         raise ValueError(f"overrun is 'skip' or 'catch-up', not {overrun!r}")
-    if not (0 <= dead_man <= LONGEST and 0 <= early <= LONGEST):
-        raise ValueError(f"dead_man and early are seconds, 0 to {LONGEST:g}")
-    if reply_timeout is not None and not 0 < reply_timeout <= LONGEST:
-        raise ValueError(f"reply_timeout is seconds above 0, to {LONGEST:g}")
+    if not (0 <= dead_man <= LONGEST_SECONDS and 0 <= early <= LONGEST_SECONDS):
+        raise ValueError(f"dead_man and early are seconds, 0 to {LONGEST_SECONDS:g}")
+    if reply_timeout is not None and not 0 < reply_timeout <= LONGEST_SECONDS:
+        raise ValueError(f"reply_timeout is seconds above 0, to {LONGEST_SECONDS:g}")
     if min(stale_limit, overrun_limit, *fault_bucket) < 0 or len(fault_bucket) != 3:
         raise ValueError("stale_limit, overrun_limit and the three numbers of fault_bucket are at least 0")
     config: Any = ffi.new("hm2_engine_config *")
