@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -132,13 +132,15 @@ class Remotes:
         Behind the start, which tells in 17 ms that a drive is off. To look for it takes 55 ms, and the card's
         watchdog waits for 50.
         """
-        known = ((n, self._channels[n].description) for n in numbers(mask & self._core.existing))
-        return bits(n for n, found in known if found is not None and found.scaled_by_parameter)
+        return self._described_as(mask, lambda known: known.scaled_by_parameter)
 
     def _scale_pending(self, mask: int) -> int:
         """Channels whose full scale is another one if they were powered up again since it was read."""
-        known = ((n, self._channels[n].description) for n in numbers(mask & self._core.existing))
-        return bits(n for n, found in known if found is not None and found.scale_pending)
+        return self._described_as(mask, lambda known: known.scale_pending)
+
+    def _described_as(self, mask: int, holds: Callable[[RemoteDescription], bool]) -> int:
+        found = ((n, self._channels[n].description) for n in numbers(mask & self._core.existing))
+        return bits(n for n, known in found if known is not None and holds(known))
 
     def _look_before_start(self, fresh: int) -> int:
         """Read the tables of remotes that are not known; returns the channels looked at.
