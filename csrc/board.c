@@ -99,6 +99,11 @@ void hm2_board_pause_ns(struct hm2_board *board, int64_t ns)
 		board->bus.pause_ns(board->bus.self, ns);
 }
 
+uint64_t hm2_board_out_of_order(struct hm2_board *board)
+{
+	return board->open && board->bus.out_of_order ? board->bus.out_of_order(board->bus.self) : 0;
+}
+
 void hm2_board_set_gate(struct hm2_board *board, int shut)
 {
 	if (atomic_exchange(&board->gate_shut, shut) == 0 && shut)

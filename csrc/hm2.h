@@ -62,7 +62,7 @@ typedef struct hm2_transfer {
 
 /* Transfers happen in list order. `begin` may send and return at once; `finish` waits for the
  * answers of the last begin until deadline_ns on the bus's clock. A list stays valid in between.
- * One begin is outstanding at a time. All members are required. */
+ * One begin is outstanding at a time. All members but the last are required. */
 typedef struct hm2_bus {
 	void *self;
 	int (*begin)(void *self, const hm2_transfer *transfers, size_t count, hm2_error *error);
@@ -70,6 +70,9 @@ typedef struct hm2_bus {
 	int64_t (*now_ns)(void *self);             /* the clock deadlines are measured on */
 	void (*pause_ns)(void *self, int64_t ns);  /* let that time pass (virtual clocks step) */
 	void (*close)(void *self);
+	/* How often an old request was carried out after a newer one, as an exchange of now has shown; from any thread.
+	 * NULL: this bus delivers nothing late or twice. */
+	uint64_t (*out_of_order)(void *self);
 } hm2_bus;
 
 /* ---- the board (board.c): checked words over any bus ------------------------------------- */
@@ -96,6 +99,8 @@ void hm2_board_get_counters(const struct hm2_board *board, hm2_board_counters *c
 /* The bus's clock, and letting its time pass. 0 and nothing after close. */
 int64_t hm2_board_now_ns(struct hm2_board *board);
 void hm2_board_pause_ns(struct hm2_board *board, int64_t ns);
+/* As the bus tells it; 0 after close. What takes several exchanges is good only if this has not changed meanwhile. */
+uint64_t hm2_board_out_of_order(struct hm2_board *board);
 
 /* While the gate is shut every list with a write in it fails with HM2_ERR_GATED and nothing is sent. Shut by
  * a watchdog bite; opened by whoever has decided that the machine may move again. */

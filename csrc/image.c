@@ -78,6 +78,6 @@ int hm2_image_bus(const uint32_t *addresses, const uint32_t *words, size_t count
 		image->words[addresses[i] / 4] = words[i];
 		image->recorded[addresses[i] / 4] = 1;
 	}
-	*bus = (hm2_bus){image, image_begin, image_finish, image_now_ns, image_pause_ns, image_close};
+	*bus = (hm2_bus){image, image_begin, image_finish, image_now_ns, image_pause_ns, image_close, NULL};
 	return HM2_OK;
 }

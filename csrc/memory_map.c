@@ -145,6 +145,6 @@ int hm2_memory_map_bus(const char *path, hm2_bus *bus, hm2_error *error)
 		free(map);
 		return status;
 	}
-	*bus = (hm2_bus){map, map_begin, map_finish, map_now_ns, map_pause_ns, map_close};
+	*bus = (hm2_bus){map, map_begin, map_finish, map_now_ns, map_pause_ns, map_close, NULL};
 	return HM2_OK;
 }

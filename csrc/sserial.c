@@ -118,8 +118,7 @@ int hm2_sserial_stop(struct hm2_sserial *port, uint32_t mask, hm2_error *error)
 	const uint32_t others = port->started & ~stopped;
 	send_zeroes(port, stopped);
 	const int status = sserial_command(port, HM2_SSLBP_COMMAND_STOP | mask,
-	                                   mask ? LIMIT_STOP_NS : LIMIT_STOP_ALL_NS, POLL_SHORT_NS,
-	                                   "sserial stop", error);
+	                                   mask ? LIMIT_STOP_NS : LIMIT_STOP_ALL_NS, "sserial stop", error);
 	if (status != HM2_OK)
 		return status;
 	sserial_forget(port, stopped);
@@ -192,8 +191,7 @@ static int give_up_start(struct hm2_sserial *port, uint32_t mask, uint32_t *fail
 		return sserial_recover(port, "sserial start", error);
 	port->counters.hung++;
 	*failed = hanging | (mask & ~sserial_existing(port));
-	return sserial_command(port, HM2_SSLBP_COMMAND_STOP | hanging, LIMIT_STOP_NS, POLL_SHORT_NS, "sserial start",
-	                       error);
+	return sserial_command(port, HM2_SSLBP_COMMAND_STOP | hanging, LIMIT_STOP_NS, "sserial start", error);
 }
 
 static int run_start(struct hm2_sserial *port, uint32_t mask, int mode, uint32_t *failed, hm2_error *error)

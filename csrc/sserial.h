@@ -107,9 +107,13 @@ uint32_t sserial_address(const struct hm2_sserial *port, uint32_t reg, uint32_t 
 uint32_t sserial_existing(const struct hm2_sserial *port);
 int sserial_read(struct hm2_sserial *port, uint32_t reg, uint32_t channel, uint32_t *value, hm2_error *error);
 int sserial_write(struct hm2_sserial *port, uint32_t reg, uint32_t channel, uint32_t value, hm2_error *error);
-/* Waits for COMMAND to read 0, writes the command and waits for its completion. */
-int sserial_command(struct hm2_sserial *port, uint32_t command, int64_t limit_ns, int64_t poll_ns,
-                    const char *where, hm2_error *error);
+hm2_transfer sserial_word(const struct hm2_sserial *port, uint32_t reg, uint32_t channel, uint32_t *value);
+/* Waits for COMMAND to read 0, writes the words, the last of them a command, and waits for its completion. On a
+ * network they are one datagram: an old one that comes late cannot put its own words between them. */
+int sserial_run(struct hm2_sserial *port, const hm2_transfer *words, size_t count, int64_t limit_ns,
+                const char *where, hm2_error *error);
+/* The same for a command alone. */
+int sserial_command(struct hm2_sserial *port, uint32_t command, int64_t limit_ns, const char *where, hm2_error *error);
 int sserial_settle(struct hm2_sserial *port, const char *where, hm2_error *error);
 /* Waits for the command that was written; HM2_ERR_TIMEOUT leaves it hung. */
 int sserial_wait(struct hm2_sserial *port, int64_t poll_ns, hm2_error *error);

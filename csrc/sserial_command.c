@@ -47,15 +47,27 @@ void sserial_arrived(struct hm2_sserial *port)
 	port->busy_until_ns = hm2_board_now_ns(port->board) + port->busy_limit_ns;
 }
 
+hm2_transfer sserial_word(const struct hm2_sserial *port, uint32_t reg, uint32_t channel, uint32_t *value)
+{
+	return (hm2_transfer){sserial_address(port, reg, channel), 1, HM2_TRANSFER_WRITE, value};
+}
+
 /* The command is noted as pending before its write: if the write fails on its way, nobody knows
  * whether it has arrived. */
-static int write_command(struct hm2_sserial *port, uint32_t command, int64_t limit_ns, hm2_error *error)
+static int write_list(struct hm2_sserial *port, const hm2_transfer *words, size_t count, int64_t limit_ns,
+                      hm2_error *error)
 {
 	sserial_written(port, limit_ns);
-	const int status = sserial_write(port, HM2_SSERIAL_COMMAND, 0, command, error);
+	const int status = hm2_exchange(port->board, words, count, error);
 	if (status == HM2_OK)
 		sserial_arrived(port);
 	return status;
+}
+
+static int write_command(struct hm2_sserial *port, uint32_t command, int64_t limit_ns, hm2_error *error)
+{
+	const hm2_transfer word = sserial_word(port, HM2_SSERIAL_COMMAND, 0, &command);
+	return write_list(port, &word, 1, limit_ns, error);
 }
 
 /* What takes long is looked at less often: the wait grows by 3 % at most, and a remote that does not answer does not
@@ -106,15 +118,21 @@ int sserial_settle(struct hm2_sserial *port, const char *where, hm2_error *error
 	return status == HM2_OK && port->flying ? sserial_collect(port, error) : status;
 }
 
-int sserial_command(struct hm2_sserial *port, uint32_t command, int64_t limit_ns, int64_t poll_ns,
-                    const char *where, hm2_error *error)
+int sserial_run(struct hm2_sserial *port, const hm2_transfer *words, size_t count, int64_t limit_ns,
+                const char *where, hm2_error *error)
 {
 	int status = sserial_settle(port, where, error);
 	if (status == HM2_OK)
-		status = write_command(port, command, limit_ns, error);
+		status = write_list(port, words, count, limit_ns, error);
 	if (status == HM2_OK)
-		status = sserial_wait(port, poll_ns, error);
+		status = sserial_wait(port, POLL_SHORT_NS, error);
 	return status == HM2_ERR_TIMEOUT && port->busy ? sserial_recover(port, where, error) : status;
+}
+
+int sserial_command(struct hm2_sserial *port, uint32_t command, int64_t limit_ns, const char *where, hm2_error *error)
+{
+	const hm2_transfer word = sserial_word(port, HM2_SSERIAL_COMMAND, 0, &command);
+	return sserial_run(port, &word, 1, limit_ns, where, error);
 }
 
 /* Completes whatever hangs; it is not executed itself (sserial.md 2.1). */

@@ -29,7 +29,7 @@ int hm2_sserial_read_local(struct hm2_sserial *port, uint32_t address, uint8_t *
 	for (size_t i = 0; i < count && status == HM2_OK; i++) {
 		uint32_t data = 0;
 		status = sserial_command(port, HM2_SSLBP_COMMAND_READ_LOCAL | (address + (uint32_t)i), LIMIT_LOCAL_NS,
-		                         POLL_SHORT_NS, "sserial read local", error);
+		                         "sserial read local", error);
 		if (status == HM2_OK)
 			status = sserial_read(port, HM2_SSERIAL_DATA, 0, &data, error);
 		bytes[i] = (uint8_t)data;
@@ -42,13 +42,10 @@ int hm2_sserial_write_local(struct hm2_sserial *port, uint32_t address, const ui
 {
 	int status = check_local(port, address, count, error);
 	for (size_t i = 0; i < count && status == HM2_OK; i++) {
-		/* the firmware takes DATA when it serves the command, so no other may be at work */
-		status = sserial_settle(port, "sserial write local", error);
-		if (status == HM2_OK)
-			status = sserial_write(port, HM2_SSERIAL_DATA, 0, bytes[i], error);
-		if (status == HM2_OK)
-			status = sserial_command(port, HM2_SSLBP_COMMAND_WRITE_LOCAL | (address + (uint32_t)i),
-			                         LIMIT_LOCAL_NS, POLL_SHORT_NS, "sserial write local", error);
+		uint32_t data = bytes[i], command = HM2_SSLBP_COMMAND_WRITE_LOCAL | (address + (uint32_t)i);
+		const hm2_transfer words[] = {sserial_word(port, HM2_SSERIAL_DATA, 0, &data),
+		                              sserial_word(port, HM2_SSERIAL_COMMAND, 0, &command)};
+		status = sserial_run(port, words, 2, LIMIT_LOCAL_NS, "sserial write local", error);
 	}
 	return status;
 }
@@ -87,15 +84,13 @@ int hm2_sserial_access(struct hm2_sserial *port, uint32_t channel, uint32_t comm
 		return not_started(error, channel);
 	if (command == SELECT_SPACE)
 		port->channels[channel].space = SPACE_UNKNOWN; /* whoever asks: its answer may get lost */
-	int status = sserial_settle(port, "sserial remote", error);
-	for (uint32_t i = 0; i < 2 && status == HM2_OK && command & LBP_WRITE; i++)
-		status = sserial_write(port, HM2_SSERIAL_USER0 + i, channel, words[i], error);
-	if (status == HM2_OK)
-		status = sserial_write(port, HM2_SSERIAL_CS, channel, command << HM2_SSERIAL_CS_MODE_LSB | address,
-		                       error);
-	if (status == HM2_OK)
-		status = sserial_command(port, HM2_SSLBP_COMMAND_DOIT | 1u << channel, LIMIT_ACCESS_NS, POLL_SHORT_NS,
-		                         "sserial remote", error);
+	uint32_t cs = command << HM2_SSERIAL_CS_MODE_LSB | address, doit = HM2_SSLBP_COMMAND_DOIT | 1u << channel;
+	const hm2_transfer list[] = {sserial_word(port, HM2_SSERIAL_USER0, channel, &words[0]),
+	                             sserial_word(port, HM2_SSERIAL_USER1, channel, &words[1]),
+	                             sserial_word(port, HM2_SSERIAL_CS, channel, &cs),
+	                             sserial_word(port, HM2_SSERIAL_COMMAND, 0, &doit)};
+	const size_t first = command & LBP_WRITE ? 0 : 2;
+	int status = sserial_run(port, list + first, 4 - first, LIMIT_ACCESS_NS, "sserial remote", error);
 	if (status == HM2_OK)
 		status = sserial_read(port, HM2_SSERIAL_DATA, 0, &failed, error);
 	if (status == HM2_OK && failed & 1u << channel)

@@ -96,6 +96,13 @@ static void udp_pause_ns(void *self, int64_t ns)
 	udp->carrier.pause_ns(udp->carrier.self, ns);
 }
 
+static uint64_t udp_out_of_order(void *self)
+{
+	const struct hm2_udp *udp = self;
+
+	return __atomic_load_n(&udp->counters.out_of_order, __ATOMIC_RELAXED);
+}
+
 static void udp_close(void *self)
 {
 	struct hm2_udp *udp = self;
@@ -130,7 +137,8 @@ int hm2_udp_carrier_bus(const hm2_carrier *carrier, const hm2_udp_config *config
 		hm2_udp_defaults(&self->config);
 	self->carrier = *carrier;
 	draw_numbers(self);
-	*bus = (hm2_bus){self, udp_begin, udp_finish, udp_now_ns, udp_pause_ns, udp_close};
+	*bus = (hm2_bus){self, udp_begin, udp_finish, udp_now_ns, udp_pause_ns, udp_close,
+	                 udp_out_of_order};
 	*udp = self;
 	return HM2_OK;
 }

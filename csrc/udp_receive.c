@@ -44,7 +44,7 @@ static void judge(struct hm2_udp *udp, uint32_t sequence, uint32_t before)
 	} else if (age <= open && open < UDP_RECENT) {
 		count_lost(udp, before, sequence - 1);
 	} else if (age < UDP_RECENT) {
-		udp->counters.out_of_order++;
+		__atomic_fetch_add(&udp->counters.out_of_order, 1, __ATOMIC_RELAXED); /* others ask for it meanwhile */
 		/* an old request came late: its writes undid newer ones */
 		if (age >= 63 || udp->wrote & bit(before))
 			udp->counters.writes_lost++;

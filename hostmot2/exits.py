@@ -29,6 +29,8 @@ class Closable(Protocol):
 
 SIGNALS = (signal.SIGTERM, signal.SIGHUP)
 _open: weakref.WeakSet[Closable] = weakref.WeakSet()
+_told: set[int] = set()
+"""Signals that came and are ignored since, so that the program ends undisturbed."""
 
 
 def close_at_exit(board: Closable) -> None:
@@ -66,17 +68,20 @@ os.register_at_fork(after_in_child=_after_fork)
 def _watch_signals() -> None:
     """Take over the signals that would end the process unseen; a handler somebody has set stays.
 
+    A program that caught the SystemExit of a signal and opens a board again is not to be deaf to the next one.
     Python runs handlers, and lets them be set, in the main thread only.
     """
     if threading.current_thread() is not threading.main_thread():
         return
     for number in SIGNALS:
-        if signal.getsignal(number) is signal.SIG_DFL:
+        if signal.getsignal(number) is signal.SIG_DFL or number in _told:
+            _told.discard(number)
             signal.signal(number, _end)
 
 
 def _end(number: int, frame: FrameType | None) -> None:
     """Outputs off now, before other threads are waited for; then the exit status a shell would show."""
+    _told.add(number)
     signal.signal(number, signal.SIG_IGN)  # a second one must not stop us halfway
     try:
         close_all()

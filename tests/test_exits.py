@@ -100,6 +100,28 @@ def test_a_signal_that_comes_in_a_finalizer_ends_the_program_too(card: Path) -> 
     assert ddr(card) == OFF
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_a_program_that_catches_the_end_and_opens_a_board_again_hears_the_next_signal(
+    card: Path, number: int
+) -> None:
+    end = f"""
+for _ in range(2):
+    try:
+        signal.raise_signal({number})
+        time.sleep(30)
+    except SystemExit:
+        board = hostmot2.open('pci://{card}')
+        board.write(0x1100, 0x1FFFF)
+        board.on_close(lambda: board.write(0x1100, 0), SafeOff.IOPORT)
+signal.raise_signal({number})
+print('deaf', flush=True)
+"""
+    process = start(card, end)
+    out, _ = process.communicate(timeout=20)
+    assert (process.returncode, out) == (128 + number, b"")
+    assert ddr(card) == OFF
+
+
 def test_outputs_are_off_at_once_even_if_a_thread_keeps_the_process_alive(card: Path) -> None:
     thread = "threading.Thread(target=lambda: print(sys.stdin.readline())).start()"
     end = f"{thread}; print('waiting', flush=True); time.sleep(30)"  # the signal must find the thread there

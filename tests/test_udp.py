@@ -53,6 +53,9 @@ class Words:
         )
         errors.check(self.bus.begin(self.bus.self, self.c, len(transfers), self.error), self.error)
 
+    def out_of_order(self):
+        return self.bus.out_of_order(self.bus.self)
+
     def finish(self, timeout_ms: float = 500):
         deadline = self.bus.now_ns(self.bus.self) + round(timeout_ms * MS)
         errors.check(self.bus.finish(self.bus.self, deadline, self.error), self.error)
@@ -257,6 +260,7 @@ def test_an_old_write_that_comes_late_is_told(card, words):
     assert words.exchange(read(0)) == [[1]]
     counters = words.link.counters
     assert (counters.out_of_order, counters.writes_lost) == (1, 1)
+    assert words.out_of_order() == 1
 
 
 def test_another_program_on_the_card_is_told(card, words):

@@ -177,7 +177,7 @@ struct hm2_fault_bus *hm2_fault_bus_new(const hm2_bus *inner, const hm2_mailbox 
 		return NULL;
 	self->inner = *inner;
 	self->mailbox = *mailbox;
-	*bus = (hm2_bus){self, bus_begin, bus_finish, bus_now_ns, bus_pause_ns, bus_close};
+	*bus = (hm2_bus){self, bus_begin, bus_finish, bus_now_ns, bus_pause_ns, bus_close, NULL};
 	return self;
 }
 

@@ -8,6 +8,7 @@ as attributes. A caller's mistake is a ValueError, TypeError or KeyError.
      |    +-- TransportTimeout            (also TimeoutError)
      |    +-- TransportClosed
      |    +-- ProtocolError
+     |    +-- StaleRequest
      |    +-- ReadOnly
      |    +-- NotInDump
      |    +-- BrokenDump
@@ -137,6 +138,7 @@ from hostmot2.errors.transport import (
     PermissionDenied,
     ProtocolError,
     ReadOnly,
+    StaleRequest,
     TransportClosed,
     TransportError,
     TransportTimeout,
@@ -178,6 +180,7 @@ __all__ = [
     "ProtocolError",
     "ReadOnly",
     "SserialError",
+    "StaleRequest",
     "TransportClosed",
     "TransportError",
     "TransportTimeout",

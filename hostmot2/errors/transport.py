@@ -80,6 +80,23 @@ class ProtocolError(TransportError):
     fix = "`hm2 discover` names what answers; end other programs that use the card."
 
 
+class StaleRequest(TransportError):
+    """An old request was carried out once more while something was done that takes several.
+
+    Nothing that was read is given. Of what was written it is not known whether it arrived, and where.
+    """
+
+    code = "HM2-E094"
+    causes = (
+        "a switch, bridge or wireless link between computer and card delivers datagrams twice, or late",
+        "two ways through the network lead to the card",
+    )
+    fix = (
+        "Give the card a network port and a cable of its own, and do it again; what was written, read back "
+        "first. `hm2 doctor URL` measures the link."
+    )
+
+
 class ReadOnly(TransportError):
     """A write to a board that can only be read, or a part of it that writes when it is made."""
 

@@ -31,6 +31,7 @@ class BusAround:
             "now_ns": ("int64_t(void *)", lambda _self: self.now_ns()),
             "pause_ns": ("void(void *, int64_t)", lambda _self, ns: self.pause_ns(ns)),
             "close": ("void(void *)", lambda _self: self._bus.close(self._bus.self)),
+            "out_of_order": ("uint64_t(void *)", lambda _self: self.out_of_order()),
         }
         bus: Any = ffi.new("hm2_bus *")
         callbacks = {name: ffi.callback(*each, error=-1) for name, each in signatures.items() if name in _INT}
@@ -62,6 +63,11 @@ class BusAround:
     def pause_ns(self, ns: int) -> None:
         """Let time pass."""
         self._bus.pause_ns(self._bus.self, ns)
+
+    def out_of_order(self) -> int:
+        """How often an old request was carried out after a newer one; 0 from a bus where that cannot be."""
+        tells = self._bus.out_of_order
+        return int(tells(self._bus.self)) if tells else 0
 
     def _begin(self, _self: Any, transfers: Any, count: int, error: Any) -> int:
         return self._guarded(lambda: self.begin(transfers, count, error))

@@ -10,7 +10,7 @@ from typing import Any
 
 from hostmot2._core import ffi, lib
 from hostmot2.cycle import Cycle, Order
-from hostmot2.errors import check, new_error
+from hostmot2.errors import StaleRequest, check, new_error
 from hostmot2.handles import own, words_at
 from hostmot2.layout import Layout
 from hostmot2.process_data import ProcessData, Words
@@ -18,6 +18,7 @@ from hostmot2.registers import SslbpChannel, SslbpLocal
 from hostmot2.sserial.counters import ChannelCounters, read_counters
 from hostmot2.sserial.errors import NoFirmware, raise_for
 from hostmot2.sserial.evidence import Identity
+from hostmot2.sserial.masks import numbers
 from hostmot2.sserial.status import ChannelStatus, Fault
 
 CHANNELS: int = lib.HM2_SSERIAL_CHANNELS
@@ -30,6 +31,8 @@ INTERFACE_TYPE = 0x12
 """What SSLBP says it is."""
 
 LAST_LOCAL_ADDRESS = 0xFFF
+
+LOCAL_TRIES = 4
 
 _MODES = {lib.HM2_SSERIAL_NORMAL: "normal", lib.HM2_SSERIAL_SETUP: "setup"}
 _WORDS_PER_CHANNEL = lib.HM2_SSERIAL_DATA_REGISTERS
@@ -49,6 +52,7 @@ class Core:
         channels: int,
         registers: int,
     ) -> None:
+        self._board = board
         self.number = number
         self.channels = min(channels, CHANNELS)
         self.registers = registers
@@ -56,6 +60,7 @@ class Core:
         self._requested = ffi.new("uint32_t *")
         self.revision = ""
         self.clock_hz = 0
+        self._order: dict[int, int] = {}  # of channels, out_of_order before their start
         self._block = (0, 0)  # address of channel 0's variables, distance of channels
         config = ffi.new("hm2_sserial_config *", (base, *strides, instance, self.channels, registers))
         handle = ffi.new("struct hm2_sserial **")
@@ -69,6 +74,18 @@ class Core:
         if status < 0:
             raise_for(status, self.error, self.number)
         return status
+
+    @property
+    def out_of_order(self) -> int:
+        """How often the card has carried out an old request after a newer one (lbp16.md 2)."""
+        return int(lib.hm2_board_out_of_order(self._board))
+
+    def disturbed(self, channel: int) -> bool:
+        """Whether the card has carried out an old request since the channel was started.
+
+        It may have been a stop, or a start in another mode: what such a channel answers is not the remote's.
+        """
+        return self.out_of_order != self._order.get(channel)
 
     # -- state
 
@@ -112,6 +129,7 @@ class Core:
         """Start channels; returns the mask of those that did not start."""
         for channel, software_mode in software_modes.items():
             lib.hm2_sserial_set_software_mode(self.handle, channel, software_mode)
+        self._order |= dict.fromkeys(numbers(mask & ~self.started), self.out_of_order)
         return self.check(lib.hm2_sserial_start(self.handle, mask, mode, self.error))
 
     def stop(self, mask: int = 0) -> None:
@@ -145,13 +163,20 @@ class Core:
         """Bytes of the firmware's memory."""
         _check_local(address, count)
         data = ffi.new("uint8_t[]", count)
-        self.check(lib.hm2_sserial_read_local(self.handle, address, data, count, self.error))
-        return bytes(data)
+        for _ in range(LOCAL_TRIES):
+            before = self.out_of_order
+            self.check(lib.hm2_sserial_read_local(self.handle, address, data, count, self.error))
+            if self.out_of_order == before:
+                return bytes(data)
+        raise stale(self.number, f"local address {address:#05x} was read")
 
     def write_local(self, address: int, data: bytes) -> None:
         """Write bytes into the firmware's memory."""
         _check_local(address, len(data))
+        before = self.out_of_order
         self.check(lib.hm2_sserial_write_local(self.handle, address, data, len(data), self.error))
+        if self.out_of_order != before:
+            raise stale(self.number, f"local address {address:#05x} was written")
 
     def block(self, channel: int) -> int:
         """Address of a channel's variables. Raises NoFirmware for SSLBP before 1.34, which does not tell."""
@@ -191,10 +216,11 @@ class Core:
     # -- remotes in setup mode
 
     def read_remote(self, channel: int, address: int, size: int, space: int = 0) -> int:
-        """A value of a remote's memory."""
+        """A value of a remote's memory. Raises StaleRequest if the channel is disturbed."""
         _check_access(address, size)
         value = ffi.new("uint64_t *")
-        self.check(lib.hm2_sserial_read_remote(self.handle, channel, space, address, size, value, self.error))
+        what = f"address {address:#06x} of channel {channel} was read"
+        self._access(what, channel, lib.hm2_sserial_read_remote, space, address, size, value)
         return int(value[0])
 
     def write_remote(self, channel: int, address: int, value: int, size: int, space: int = 0) -> None:
@@ -203,17 +229,26 @@ class Core:
         if not -(1 << 8 * size - 1) <= value < 1 << 8 * size:
             raise ValueError(f"{value} does not fit into {size} bytes")
         raw = value & (1 << 8 * size) - 1
-        self.check(lib.hm2_sserial_write_remote(self.handle, channel, space, address, size, raw, self.error))
+        what = f"address {address:#06x} of channel {channel} was written"
+        self._access(what, channel, lib.hm2_sserial_write_remote, space, address, size, raw)
 
     def access(self, channel: int, command: int, address: int, value: int) -> int:
         """One LBP command as it is, once: the value it reads."""
         held = ffi.new("uint64_t *", value)
-        self.check(lib.hm2_sserial_access(self.handle, channel, command, address, held, self.error))
+        what = f"command {command:#04x} was sent to channel {channel}"
+        self._access(what, channel, lib.hm2_sserial_access, command, address, held)
         return int(held[0])
 
     def read_table(self, channel: int, pointer: int, table: int, *rest: Any) -> int:
         """`discovery.ReadTable` of a channel."""
         return int(lib.hm2_sserial_read_toc(self.handle, channel, pointer, table, *rest))
+
+    def _access(self, what: str, channel: int, function: Any, *arguments: Any) -> None:
+        started = self.started
+        status = function(self.handle, channel, *arguments, self.error)
+        if self.disturbed(channel) and self.started == started:
+            raise stale(self.number, what)
+        self.check(status)  # a command that hung has stopped all channels, which says more
 
     # -- what is known of channels
 
@@ -276,6 +311,14 @@ class Core:
             "hidden": counters.hidden,
             "last_doit_us": counters.last_doit_ns / 1000,
         }
+
+
+def stale(port: int, what: str) -> StaleRequest:
+    """What to say of an access that an old request has disturbed. `what`: "address 0x10 was read"."""
+    return StaleRequest(
+        f"smart serial port {port}: while {what} the card carried out an old request once more, so that "
+        "nobody can say what came of it"
+    )
 
 
 def _check_local(address: int, count: int) -> None:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from typing import TYPE_CHECKING, Literal
 
+from hostmot2.errors import StaleRequest
 from hostmot2.register_map import Register
 from hostmot2.sserial.core import Core
 from hostmot2.sserial.counters import ChannelCounters
@@ -135,6 +136,10 @@ class PortMemory(ABC):
     def read_remote(self, channel: int, address: int, size: int, space: int = 0) -> int:
         """See Channel.read_remote."""
         with self._lock:
+            for _ in range(STABLE_READS - 1):
+                self._enter_setup(channel)
+                with suppress(StaleRequest):
+                    return self._read_stable(channel, address, size, space)
             self._enter_setup(channel)
             return self._read_stable(channel, address, size, space)
 
@@ -201,6 +206,8 @@ class PortMemory(ABC):
 
     def _enter_setup(self, channel: int) -> None:
         self._refuse_while_running()
+        if self._core.started and self._core.disturbed(channel):
+            self._core.stop()
         if self.mode != "setup" or not self.started >> channel & 1:
             self.start(1 << channel, "setup").raise_for_failed()
 

@@ -21,9 +21,10 @@ from hostmot2.sserial.channel import HEADER, Channel
 from hostmot2.sserial.core import SETUP, Core
 from hostmot2.sserial.errors import NoRemote, NotStarted
 from hostmot2.sserial.evidence import Identity
+from hostmot2.sserial.masks import numbers
 from hostmot2.sserial.memory import PortMemory
 from hostmot2.sserial.places import places
-from hostmot2.sserial.remotes import Remotes, numbers
+from hostmot2.sserial.remotes import Remotes
 from hostmot2.sserial.results import DoitResult, Scan, StartResult
 from hostmot2.sserial.status import ChannelStatus, Fault, tell
 

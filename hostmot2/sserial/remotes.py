@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
+from hostmot2.errors import StaleRequest
 from hostmot2.process_data import ProcessData
 from hostmot2.registers import ComState, LbpSpace, LocalFault, SslbpChannel
 from hostmot2.remotes import builtin
 from hostmot2.remotes.discovery import ReadFailed, RemoteDescription, read_tables
-from hostmot2.sserial.core import NORMAL, SETUP, Core
+from hostmot2.sserial.core import NORMAL, SETUP, Core, stale
 from hostmot2.sserial.errors import (
     BrokenTable,
     NoRemote,
@@ -22,6 +23,7 @@ from hostmot2.sserial.errors import (
     raise_for,
 )
 from hostmot2.sserial.evidence import ChannelEvidence
+from hostmot2.sserial.masks import bits, numbers
 from hostmot2.sserial.places import Place
 from hostmot2.sserial.results import no_remote
 
@@ -59,8 +61,9 @@ class Remotes:
         if mode == NORMAL:
             usable &= ~bits(c.number for c in self._channels if c.problem is not None)
         modes = {c.number: c.mode for c in self._channels}
+        fresh = usable & ~self._core.started
         failed = self._core.start(usable, mode, modes)
-        again = self._noisy(usable & ~failed) | self._unit_unheard(failed)
+        again = self._noisy(usable & ~failed) | self._unit_unheard(failed) | self._disturbed(fresh)
         self.repeated = again
         for _ in range(CLEAN_STARTS):
             if not again:
@@ -68,8 +71,14 @@ class Remotes:
             self.repeats += again.bit_count()
             self._core.stop(again)
             failed = failed & ~again | self._core.start(again, mode, modes)
-            again = self._noisy(again & ~failed)
+            again = self._noisy(again & ~failed) | self._disturbed(again)
+        if self._disturbed(again):
+            self._core.stop(fresh)
+            raise stale(self._core.number, f"channels {fresh:#04x} were started")
         return failed | mask & ~usable
+
+    def _disturbed(self, mask: int) -> int:
+        return bits(n for n in numbers(mask) if self._core.disturbed(n))
 
     def _noisy(self, mask: int) -> int:
         """Started channels whose line showed errors meanwhile.
@@ -226,18 +235,19 @@ class Remotes:
         return rows
 
     def _described(self, number: int) -> RemoteDescription:
-        """What a remote in setup mode says of itself on a line that shows no error meanwhile.
+        """What a remote in setup mode says of itself, on a line and a network that show no error meanwhile.
 
         One damaged answer in 256 passes the CRC, and a wrong limit in a table is a wrong output for ever.
         """
         mode = self._channels[number].mode
         for _ in range(CLEAN_STARTS):
-            broken = None
+            broken: Exception | None = None
             try:
                 found = describe(self._core, number, mode)
-            except BrokenTable as problem:
+            except (BrokenTable, StaleRequest) as problem:
                 broken = problem
-            if not self._core.line_errors(number):
+            noisy = self._core.line_errors(number)
+            if not noisy and not self._core.disturbed(number):
                 if broken is not None:
                     raise broken
                 return found
@@ -245,7 +255,9 @@ class Remotes:
             self._core.stop(1 << number)
             if self._core.start(1 << number, SETUP, {number: mode}):
                 break
-        raise damaged(self._core, number, "while its tables are read")
+        if noisy:
+            raise damaged(self._core, number, "while its tables are read")
+        raise stale(self._core.number, f"the tables of channel {number} were read")
 
     def look_at_setup_rate(self, rows: list[ChannelEvidence]) -> list[ChannelEvidence]:
         """Look at channels that were silent for remotes that answer at the rate of their set-up jumper only.
@@ -373,13 +385,3 @@ def describe(core: Core, channel: int, software_mode: int) -> RemoteDescription:
         )
     except ReadFailed as failure:
         raise_for(failure.status, failure.error, core.number)
-
-
-def numbers(mask: int) -> list[int]:
-    """The channels in a mask."""
-    return [number for number in range(8) if mask >> number & 1]
-
-
-def bits(channels: Iterable[int]) -> int:
-    """The mask of channels."""
-    return sum(1 << channel for channel in channels)

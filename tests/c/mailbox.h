@@ -112,7 +112,7 @@ static int always(struct mailbox *mailbox, uint32_t command)
 
 static void mailbox_open(struct mailbox *mailbox)
 {
-	const hm2_bus bus = {mailbox, mailbox_begin, mailbox_finish, mailbox_now_ns, mailbox_pause_ns, mailbox_close};
+	const hm2_bus bus = {mailbox, mailbox_begin, mailbox_finish, mailbox_now_ns, mailbox_pause_ns, mailbox_close, NULL};
 	const hm2_sserial_config config = {BASE, 0x100, 0x40, 0, 8, 3};
 	memset(mailbox, 0, sizeof *mailbox);
 	mailbox->completes = always;

@@ -49,11 +49,31 @@ static void close_bus(void *self)
 
 static struct hm2_board *board_on(struct bus *bus)
 {
-	const hm2_bus interface = {bus, begin, finish, now_ns, pause_ns, close_bus};
+	const hm2_bus interface = {bus, begin, finish, now_ns, pause_ns, close_bus, NULL};
 	struct hm2_board *board = NULL;
 	memset(bus, 0, sizeof *bus);
 	CHECK(hm2_board_open(&interface, &board, NULL) == HM2_OK);
 	return board;
+}
+
+static uint64_t three(void *self)
+{
+	(void)self;
+	return 3;
+}
+
+static void test_old_requests_are_counted_by_a_bus_that_can_tell(void)
+{
+	struct bus bus;
+	struct hm2_board *board = board_on(&bus);
+	CHECK(hm2_board_out_of_order(board) == 0);
+	hm2_board_free(board);
+	const hm2_bus telling = {&bus, begin, finish, now_ns, pause_ns, close_bus, three};
+	CHECK(hm2_board_open(&telling, &board, NULL) == HM2_OK);
+	CHECK(hm2_board_out_of_order(board) == 3);
+	hm2_board_close(board);
+	CHECK(hm2_board_out_of_order(board) == 0);
+	hm2_board_free(board);
 }
 
 static void test_a_bad_transfer_keeps_the_whole_list_from_the_bus(void)
@@ -171,6 +191,7 @@ static void test_who_waits_for_a_board_that_is_closed_gets_nothing(void)
 int main(void)
 {
 	test_who_waits_for_a_board_that_is_closed_gets_nothing();
+	test_old_requests_are_counted_by_a_bus_that_can_tell();
 	test_a_bad_transfer_keeps_the_whole_list_from_the_bus();
 	test_the_halves_come_in_pairs();
 	test_only_what_came_back_is_counted();

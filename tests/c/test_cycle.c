@@ -97,7 +97,7 @@ static size_t asked_for_writes(void *self, hm2_transfer *transfers, size_t capac
 
 static void start(void)
 {
-	const hm2_bus bus = {&bench, bench_begin, bench_finish, bench_now_ns, bench_pause_ns, bench_close};
+	const hm2_bus bus = {&bench, bench_begin, bench_finish, bench_now_ns, bench_pause_ns, bench_close, NULL};
 	memset(&bench, 0, sizeof bench);
 	CHECK_EQUAL(hm2_board_open(&bus, &bench.board, NULL), HM2_OK);
 	CHECK_EQUAL(hm2_cycle_new(bench.board, &bench.cycle, NULL), HM2_OK);

@@ -82,7 +82,7 @@ struct rig {
 static void build(struct rig *rig, const hm2_engine_config *config)
 {
 	memset(rig, 0, sizeof *rig);
-	const hm2_bus bus = {&rig->card, begin, finish, clock_ns, pause_ns, close_bus};
+	const hm2_bus bus = {&rig->card, begin, finish, clock_ns, pause_ns, close_bus, NULL};
 	CHECK(hm2_board_open(&bus, &rig->board, NULL) == HM2_OK);
 	engine_words_cycle(&rig->words, rig->board, &rig->cycle);
 	engine_words_engine(&rig->words, rig->board, rig->cycle, config, &rig->engine);

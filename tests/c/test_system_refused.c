@@ -325,7 +325,7 @@ static int start_engine(hm2_error *error)
 static void test_a_thread_that_cannot_be_had_leaves_the_port_to_its_user(void)
 {
 	struct card card = {0};
-	const hm2_bus bus = {&card, card_begin, card_finish, card_now_ns, card_pause_ns, card_close};
+	const hm2_bus bus = {&card, card_begin, card_finish, card_now_ns, card_pause_ns, card_close, NULL};
 	const hm2_sserial_config port_config = {0x5A00, 0x100, 0x40, 0, 8, 3};
 	struct hm2_board *board = NULL;
 	struct hm2_cycle *cycle = NULL;

@@ -127,6 +127,7 @@ DATAGRAMS = Layer(
         Variant("late", "by 1 ms", lib.HM2_FAULT_LATE, 1 * MS),
         Variant("late", "by 30 ms, behind its repetition", lib.HM2_FAULT_LATE, 30 * MS),
         Variant("duplicated", "at once", lib.HM2_FAULT_TWICE),
+        Variant("duplicated", "3 ms later", lib.HM2_FAULT_TWICE, 3 * MS),
         Variant("duplicated", "30 ms later", lib.HM2_FAULT_TWICE, 30 * MS),
         Variant("corrupted", "in its number", lib.HM2_FAULT_CORRUPT, 2),
         Variant("short", "by 4 bytes", lib.HM2_FAULT_SHORT, 4),

@@ -160,7 +160,7 @@ static void operate(struct card *card, struct hm2_sserial *port)
 int LLVMFuzzerTestOneInput(const uint8_t *bytes, size_t length)
 {
 	struct card card = {bytes, length, 0, 0};
-	const hm2_bus bus = {&card, card_begin, card_finish, card_now_ns, card_pause_ns, card_close};
+	const hm2_bus bus = {&card, card_begin, card_finish, card_now_ns, card_pause_ns, card_close, NULL};
 	const uint8_t kind = next(&card);
 	const hm2_sserial_config config = {BASE, 0x100, 0x40, 0, 1 + (kind & 7u), kind & 8 ? 7 : 3};
 	struct hm2_board *board = NULL;

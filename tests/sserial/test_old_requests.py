@@ -1,0 +1,183 @@
+"""A network delivers an old request once more, and the card carries it out among the exchanges of an access.
+
+What the driver reads is then the answer to another question. The numbers in the card's scratch words tell
+that it happened (lbp16.md 2); here the bus counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from hostmot2 import Board
+from hostmot2._core import ffi, lib
+from hostmot2.emulator import EmulatedBoard
+from hostmot2.errors import StaleRequest
+from hostmot2.recording.bus import BusAround, places
+from hostmot2.registers import Gtag, Sserial, SslbpCommand
+from hostmot2.transports.emulated import transport_of
+
+from .remotes import field_io
+
+READ_BYTE = 0x44
+GAIN, OTHER = 0x320, 0x310
+
+
+class Network(BusAround):
+    """Behind the `at`-th commands of a kind from now on, the words of `old` reach the card once more."""
+
+    def __init__(self, card: EmulatedBoard) -> None:
+        super().__init__(transport_of(card))
+        self.old: list[tuple[int, int]] = []
+        self.kind = 0
+        self.at: set[int] = set()
+        self.seen = self.delivered = 0
+        self.command = 0
+        self._due = False
+
+    def begin(self, transfers, count, error):
+        if self._due:
+            self._due = False
+            self._deliver()
+        for address, write, words, index in places(transfers, count):
+            if address == self.command and write and words[index] & ~0xFF == self.kind and self.at:
+                self.seen += 1
+                self._due = self.seen in self.at
+        return super().begin(transfers, count, error)
+
+    def out_of_order(self):
+        return self.delivered
+
+    def deliver(self, kind: int, at: set[int], old: list[tuple[int, int]]) -> None:
+        self.kind, self.at, self.old, self.seen = kind, at, old, 0
+
+    def _deliver(self) -> None:
+        """When the card has done what it was asked, and nobody has looked yet."""
+        self.delivered += 1
+        error = ffi.new("hm2_error *")
+        self.pause_ns(1_000_000)
+        for address, value in self.old:
+            words = ffi.new("uint32_t[]", [value])
+            transfer = ffi.new("hm2_transfer *", (address, 1, lib.HM2_TRANSFER_WRITE, words))
+            assert super().begin(transfer, 1, error) == lib.HM2_OK
+            assert super().finish(self.now_ns() + 1_000_000, error) == lib.HM2_OK
+        self.pause_ns(1_000_000)
+
+
+DOIT = SslbpCommand.DOIT
+READ_LOCAL = SslbpCommand.READ_LOCAL
+EVERY = set(range(1, 100))
+
+
+@pytest.fixture
+def network() -> Iterator[Network]:
+    with EmulatedBoard("5i25+7i77", clock="virtual") as card:
+        for channel in range(card.sserial[0].channels):
+            card.sserial[0].detach(channel)
+        field = field_io()
+        field.poke(GAIN, b"\x47")
+        field.poke(OTHER, b"\x11")
+        card.sserial[0].attach(0, field, through_pins=True)
+        yield Network(card)
+
+
+@pytest.fixture
+def hm2(network) -> Iterator[Board]:
+    with Board(network.transport) as board:
+        module = next(module for module in board.modules if module.gtag == Gtag.SSERIAL)
+        network.command = module.register_address(Sserial.command.number)
+        network.cs = module.register_address(Sserial.cs.number)
+        network.data = module.register_address(Sserial.data.number)
+        yield board
+
+
+def old_access(network, address: int) -> list[tuple[int, int]]:
+    """The words of an access of before: read a byte of the remote."""
+    return [(network.cs, READ_BYTE << 24 | address), (network.command, DOIT | 1)]
+
+
+def test_a_value_is_read_again_when_an_old_request_came_between(network, hm2):
+    port = hm2.sserial[0]
+    assert port.read_remote(0, OTHER, 1) == 0x11
+    network.deliver(DOIT, {1}, old_access(network, OTHER))
+    assert port.read_remote(0, GAIN, 1) == 0x47
+    assert network.delivered == 1
+
+
+@pytest.mark.parametrize("command", [SslbpCommand.STOP, SslbpCommand.STOP | 1, SslbpCommand.START_NORMAL | 1])
+def test_a_channel_that_an_old_command_stopped_is_started_again_before_it_is_believed(network, hm2, command):
+    """A stopped channel answers every address with 0, and nothing says so."""
+    port = hm2.sserial[0]
+    assert port.read_remote(0, GAIN, 1) == 0x47
+    network.deliver(DOIT, {1}, [(network.command, command)])
+    assert [port.read_remote(0, GAIN, 1), port.read_remote(0, OTHER, 1)] == [0x47, 0x11]
+    network.deliver(READ_LOCAL, {1}, [(network.command, command)])
+    port.read_local(0)
+    assert port.read_remote(0, GAIN, 1) == 0x47
+    network.deliver(READ_LOCAL, {1}, [(network.command, command)])
+    port.read_local(0)
+    port.write_remote(0, GAIN, 7, 1)
+    assert port.read_remote(0, GAIN, 1) == 7
+    assert network.delivered == 3
+
+
+def test_a_value_that_is_disturbed_each_time_is_not_given(network, hm2):
+    port = hm2.sserial[0]
+    port.read_remote(0, GAIN, 1)
+    network.deliver(DOIT, EVERY, old_access(network, OTHER))
+    with pytest.raises(StaleRequest, match=r"address 0x0320 of channel 0 was read"):
+        port.read_remote(0, GAIN, 1)
+
+
+def test_a_write_that_was_disturbed_is_told_and_not_done_twice(network, hm2):
+    port = hm2.sserial[0]
+    port.read_remote(0, GAIN, 1)
+    network.deliver(DOIT, {1}, old_access(network, OTHER))
+    with pytest.raises(StaleRequest, match=r"address 0x0320 of channel 0 was written"):
+        port.write_remote(0, GAIN, 7, 1)
+    assert network.seen == 1
+    network.deliver(0, set(), [])
+    port.write_remote(0, GAIN, 9, 1)
+    assert port.read_remote(0, GAIN, 1) == 9
+
+
+def test_a_local_variable_is_read_again(network, hm2):
+    port = hm2.sserial[0]
+    truth = port.read_local(0, 1)
+    assert truth != port.read_local(1, 1)
+    network.deliver(READ_LOCAL, {1}, [(network.command, READ_LOCAL | 1)])
+    assert port.read_local(0, 1) == truth
+    assert network.delivered == 1
+
+
+@pytest.mark.parametrize("step", range(1, 93, 4))
+def test_tables_are_those_of_the_remote_whenever_an_old_request_comes(network, hm2, step):
+    port = hm2.sserial[0]
+    truth = port.scan()[0].description
+    port.reset()
+    network.deliver(DOIT, {step}, old_access(network, OTHER))
+    assert port.scan()[0].description == truth
+    assert network.delivered == 1
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_a_start_among_whose_exchanges_an_old_request_came_is_done_again(network, hm2, step):
+    port = hm2.sserial[0]
+    port.scan()
+    network.deliver(SslbpCommand.START_NORMAL, {step}, [(network.cs, 1 << 24)])
+    result = port.start(0x01)
+    assert (result.started, result.failed) == (0x01, 0)
+    assert network.delivered == (step == 1)
+    assert result.repeated == (step == 1)
+
+
+def test_a_start_that_is_disturbed_each_time_leaves_nothing_started(network, hm2):
+    port = hm2.sserial[0]
+    port.scan()
+    network.deliver(SslbpCommand.START_NORMAL, EVERY, [(network.cs, 1 << 24)])
+    with pytest.raises(StaleRequest, match="channels 0x01 were started"):
+        port.start(0x01)
+    assert port.started == 0
+    network.deliver(0, set(), [])
+    assert port.start(0x01).started == 0x01
