@@ -68,7 +68,7 @@ os.register_at_fork(after_in_child=_after_fork)
 def _watch_signals() -> None:
     """Take over the signals that would end the process unseen; a handler somebody has set stays.
 
-    A program that caught the SystemExit of a signal and opens a board again is not to be deaf to the next one.
+    A program that caught the SystemExit of a signal and opens a board again hears the next one, too.
     Python runs handlers, and lets them be set, in the main thread only.
     """
     if threading.current_thread() is not threading.main_thread():
