@@ -22,6 +22,7 @@ struct hm2_ethernet_server {
 	uint32_t spin_us;
 	pthread_t thread;
 	int running;
+	pid_t owner; /* of the thread */
 	atomic_int stopping;
 	pthread_mutex_t mutex; /* fault lines */
 	atomic_int faulty;     /* faults have been asked for: without any, the lines are not looked at */
@@ -236,6 +237,7 @@ int hm2_ethernet_server_start(struct hm2_ethernet_server *server, uint32_t spin_
 	if (problem)
 		return fail(error, HM2_ERR_IO, problem, "ethernet server thread");
 	server->running = 1;
+	server->owner = getpid();
 	return HM2_OK;
 }
 
@@ -245,6 +247,10 @@ void hm2_ethernet_server_stop(struct hm2_ethernet_server *server)
 
 	if (!server->running)
 		return;
+	if (server->owner != getpid()) { /* a forked child: the thread is its parent's, and so is what wakes it */
+		server->running = 0;
+		return;
+	}
 	atomic_store_explicit(&server->stopping, 1, memory_order_release);
 	(void)eventfd_write(server->wake, 1); /* it cannot be full: each stop empties it */
 	pthread_join(server->thread, NULL);
