@@ -16,7 +16,8 @@
 #define ENGINE_REQUEST_RESET_TRACE 4u
 #define STATUS_WORDS (sizeof(hm2_engine_status) / 8)
 #define HEADER_WORDS (sizeof(hm2_record) / 8)
-#define IMAGE_NONE 0xFFFFu
+#define IMAGE_NONE 0xFFFFu     /* not seen yet */
+#define IMAGE_LEFT_OUT 0xFFFEu /* no room */
 
 _Static_assert(sizeof(hm2_engine_status) % 8 == 0, "published as words of 64 bits");
 _Static_assert(sizeof(hm2_record) % 8 == 0, "published as words of 64 bits");
@@ -72,7 +73,7 @@ struct engine_plan {
 struct engine_image {
 	struct hm2_record_ring *ring;
 	uint32_t capacity;
-	_Atomic uint32_t count;
+	_Atomic uint32_t count, left_out;
 	uint32_t address[HM2_RECORD_WORDS]; /* bit 0: write */
 	uint32_t words[HM2_RECORD_WORDS];
 	uint16_t slots[2][HM2_ADDRESS_SPACE / 4];

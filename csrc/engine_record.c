@@ -10,12 +10,15 @@ void engine_record_new(struct engine_image *image)
 	memset(image->slots, 0xFF, sizeof image->slots);
 }
 
-/* The image's word for a register, a new one if there is room; IMAGE_NONE if not. */
+/* The image's word for a register, a new one if there is room; if not, each register is counted once. */
 static uint16_t slot_of(struct engine_image *image, uint32_t address, int write)
 {
 	uint16_t *slot = &image->slots[write][address / 4];
 	const uint32_t count = atomic_load_explicit(&image->count, memory_order_relaxed);
-	if (*slot == IMAGE_NONE && count < image->capacity) {
+	if (*slot == IMAGE_NONE && count == image->capacity) {
+		*slot = IMAGE_LEFT_OUT;
+		atomic_fetch_add_explicit(&image->left_out, 1, memory_order_relaxed);
+	} else if (*slot == IMAGE_NONE) {
 		image->address[count] = address | (uint32_t)write;
 		*slot = (uint16_t)count;
 		atomic_store_explicit(&image->count, count + 1, memory_order_release);
@@ -42,7 +45,7 @@ static void plan_transfer(struct engine_image *image, struct engine_plan *plan, 
 	const int same = (transfer->flags & HM2_TRANSFER_SAME_ADDRESS) != 0; /* the last word stays */
 	for (uint32_t k = same ? transfer->count - 1u : 0; k < transfer->count; k++) { /* never of no words: see board.c */
 		const uint16_t slot = slot_of(image, transfer->address + (same ? 0 : 4 * k), write);
-		if (slot != IMAGE_NONE)
+		if (slot != IMAGE_LEFT_OUT)
 			add_move(plan, &transfer->words[k], slot);
 	}
 }
@@ -147,4 +150,9 @@ size_t hm2_engine_layout(const struct hm2_engine *engine, uint32_t *addresses, s
 	const size_t count = atomic_load_explicit(&engine->image.count, memory_order_acquire);
 	memcpy(addresses, engine->image.address, (count < capacity ? count : capacity) * sizeof *addresses);
 	return count;
+}
+
+uint32_t hm2_engine_left_out(const struct hm2_engine *engine)
+{
+	return atomic_load_explicit(&engine->image.left_out, memory_order_relaxed);
 }

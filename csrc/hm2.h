@@ -1544,6 +1544,8 @@ void hm2_engine_set_record_ring(struct hm2_engine *engine, struct hm2_record_rin
 uint32_t hm2_engine_record_size(const struct hm2_engine *engine, uint32_t image_words);
 /* What the image's words are: address, with bit 0 set for a write. Grows in the first cycles; returns how many. */
 size_t hm2_engine_layout(const struct hm2_engine *engine, uint32_t *addresses, size_t capacity);
+/* Registers, reads and writes apart, that found no room in the image. */
+uint32_t hm2_engine_left_out(const struct hm2_engine *engine);
 
 /* With virtual time there is no thread: hm2_engine_step runs the cycles. refusals may be NULL. */
 int hm2_engine_start(struct hm2_engine *engine, hm2_engine_refusals *refusals, hm2_error *error);

@@ -82,6 +82,11 @@ class EngineView:
         count = lib.hm2_engine_layout(self.handle, words, lib.HM2_RECORD_WORDS)
         return [(word & ~1, bool(word & 1)) for word in words[0:count]]
 
+    @property
+    def left_out(self) -> int:
+        """Registers, reads and writes apart, that found no room in the records' image so far."""
+        return int(lib.hm2_engine_left_out(self.handle)) if self.handle else 0
+
     def trace(self) -> dict[str, Histogram]:
         """How long each stage of STAGES took ("wake": how late it began), "cycle": all of them, "after": what
         followed, which is the trace, the record and the publishing of the values.

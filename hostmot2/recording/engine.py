@@ -25,7 +25,8 @@ class EngineRecords:
     """The records of an engine and what describes them, to be had before its start(); they go to one reader.
 
     slots: of the ring between the two, a power of two; the longest stall of the reader that costs nothing is
-    slots / rate. words: room for raw registers, 0 to 256. Raises EngineError if the engine has been started.
+    slots / rate. words: room for raw registers, 0 to 256; those without are counted (`engine.left_out`), and
+    told when the recording is closed. Raises EngineError if the engine has been started.
     """
 
     def __init__(self, engine: Engine, *, slots: int = SLOTS, words: int = WORDS) -> None:
@@ -52,6 +53,7 @@ class EngineRecords:
             self.inputs,
             self.outputs,
             image=lambda: [address | int(written) for address, written in self.engine.layout()],
+            left_out=lambda: self.engine.left_out,
             attachments=[self._dump, descriptors_of(self.engine.board)],  # scalings may have changed
             metadata={**host_metadata(), "hm2.engine": self._facts},
             json_rate=json_rate,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
 from types import TracebackType
@@ -17,6 +18,8 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 import numpy.typing as npt
 
+from hostmot2._core import lib
+from hostmot2.idrom import HostMot2Warning
 from hostmot2.record_ring import RecordRing
 from hostmot2.recording.errors import RecordingError, RecordingFailed
 from hostmot2.recording.format import Signal
@@ -66,7 +69,8 @@ class Pump:
     """Takes what is pushed into `ring` to `sink`, from start() to close().
 
     label: what messages call the sink. image: byte addresses of the image's words, bit 0 set for a written
-    register, or a function that gives them (they may become more). json_rate: at most so many messages per
+    register, or a function that gives them (they may become more). left_out: gives how many found no room,
+    which is told at the end, as HostMot2Warning and in the log. json_rate: at most so many messages per
     second and topic for viewers, None: one per cycle, 0: none. clock: the board's, ns.
 
     Nothing else may pop from the ring meanwhile.
@@ -81,6 +85,7 @@ class Pump:
         label: str,
         *,
         image: Sequence[int] | Callable[[], Sequence[int]] = (),
+        left_out: Callable[[], int] = lambda: 0,
         json_rate: float | None = None,
         clock: Callable[[], int] = time.monotonic_ns,
         flush_s: float = 1.0,
@@ -89,6 +94,7 @@ class Pump:
         self._clock, self._flush_s = clock, flush_s
         self._image = image if callable(image) else lambda: image
         self._known_image: list[int] = []
+        self._left_out = left_out
         self._thinned = Thinning(json_rate)
         self._buffer = np.empty(min(ring.slots, max(16, BATCH_BYTES // ring.dtype.itemsize)), ring.dtype)
         self._records = 0
@@ -202,6 +208,14 @@ class Pump:
         self._sink.flush()
 
     def _finish(self) -> None:
+        room, left_out = self._ring.dtype["words"].shape[0], self._left_out()
+        if room and left_out:  # without any room none were wanted
+            message = (
+                f"{self._label}: {left_out} registers of the cycle are not in the records, whose image has room "
+                f"for {room} (words=, at most {lib.HM2_RECORD_WORDS}); all inputs and outputs are"
+            )
+            warnings.warn(message, HostMot2Warning, stacklevel=3)
+            self.log(message, "warning")
         self._drain()
         self._flush()
         self._sink.finish()

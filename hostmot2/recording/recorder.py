@@ -19,6 +19,7 @@ class Recorder(Pump):
 
     inputs, outputs: what the numbers of a record's vectors are, in order. image: byte addresses of the
     image's words, bit 0 set for a written register, or a function that gives them (they may become more).
+    left_out: gives how many registers found no room there; close() warns of them (HostMot2Warning).
     attachments: see `attachments_of`. metadata: name -> entries, all text. json_rate: at most so many
     messages per second and plot topic, None: one per cycle, 0: none; /hm2/records always has every record.
     clock: the board's, ns (`board.now_ns`), to which `start_ns` belongs.
@@ -38,6 +39,7 @@ class Recorder(Pump):
         outputs: Sequence[Signal] = (),
         *,
         image: Sequence[int] | Callable[[], Sequence[int]] = (),
+        left_out: Callable[[], int] = lambda: 0,
         attachments: Sequence[Attachment] = (),
         metadata: Mapping[str, Mapping[str, str]] | None = None,
         json_rate: float | None = None,
@@ -50,7 +52,14 @@ class Recorder(Pump):
         file = RecordingFile(path, ring.dtype, inputs, outputs, unix_ns - now_ns)
         try:
             super().__init__(
-                ring, file, self.path, image=image, json_rate=json_rate, clock=clock, flush_s=flush_s
+                ring,
+                file,
+                self.path,
+                image=image,
+                left_out=left_out,
+                json_rate=json_rate,
+                clock=clock,
+                flush_s=flush_s,
             )
             run = {"format": form.FORMAT, "unix_ns_at_clock_0": str(unix_ns - now_ns)}
             picture = Attachment(form.LAYOUT_NAME, layout(inputs, outputs))

@@ -255,6 +255,7 @@ static void test_a_record_holds_as_many_words_as_there_is_room_for(void)
 	mailbox.words[0x2004 / 4] = 14; /* of a FIFO the last word stays: this bus reads on */
 	(void)step(1);
 	CHECK_EQUAL(hm2_engine_layout(engine, addresses, 2), 3); /* the written word found no room */
+	CHECK_EQUAL(hm2_engine_left_out(engine), 1);
 	CHECK_EQUAL(addresses[0], 0x1000);
 	CHECK_EQUAL(addresses[1], 0x1004);
 	CHECK_EQUAL(addresses[2], 0);

@@ -66,6 +66,25 @@ def test_raw_words_decode_to_what_the_engine_made_of_them(recorded):
         assert np.array_equal(run.elements[name].astype(float), run[name])
 
 
+@pytest.mark.parametrize("words", [0, 3, 256])
+def test_registers_that_found_no_room_are_told_at_the_end(words, tmp_path, recwarn):
+    with EmulatedBoard(CARD, clock="virtual") as card, Board(transport_of(card)) as board:
+        engine = started(board).engine(1000)
+        with record(engine, tmp_path / "run.mcap", words=words), engine:
+            for _ in range(20):
+                engine.step()
+        all_of_them = len(engine.layout()) + engine.left_out
+        assert (engine.left_out == 0) == (words == 256)
+    told = [str(each.message) for each in recwarn if "not in the records" in str(each.message)]
+    log = [line.message for line in read(tmp_path / "run.mcap").log]
+    if words == 3:
+        assert f"{all_of_them - 3} registers" in told[0]
+        assert told == log
+    else:
+        assert not told
+        assert not log
+
+
 def test_the_driver_repeats_what_the_engine_did(recorded):
     path, style, seen = recorded
     run = read(path)
