@@ -211,8 +211,8 @@ class Pump:
         room, left_out = self._ring.dtype["words"].shape[0], self._left_out()
         if room and left_out:  # without any room none were wanted
             message = (
-                f"{self._label}: {left_out} registers of the cycle are not in the records, whose image has room "
-                f"for {room} (words=, at most {lib.HM2_RECORD_WORDS}); all inputs and outputs are"
+                f"{self._label}: {left_out} registers of the cycle are not in the records, whose image has "
+                f"room for {room} (words=, at most {lib.HM2_RECORD_WORDS}); all inputs and outputs are"
             )
             warnings.warn(message, HostMot2Warning, stacklevel=3)
             self.log(message, "warning")
