@@ -20,7 +20,7 @@ from hostmot2.idrom import Idrom, ModuleDescriptor, PinDescriptor
 from hostmot2.inventory import Inventory, read_inventory
 from hostmot2.parts import PARTS
 from hostmot2.registers import Gtag, Id
-from hostmot2.transports.base import Transport
+from hostmot2.transports.base import LinkCounters, Transport
 
 LONGEST_SECONDS = 1e9
 """What may be told in seconds, which the core counts in ns of 64 bits."""
@@ -134,6 +134,15 @@ class Board:
         lib.hm2_board_get_counters(self._handle, counters)
         names = ("exchanges", "failures", "words_read", "words_written")
         return {name: getattr(counters, name) for name in names}
+
+    @property
+    def link_counters(self) -> LinkCounters | None:
+        """What got lost, came late or came twice on the way to an Ethernet card; None on another bus.
+
+        Raises TransportClosed after close().
+        """
+        tells = self._transport.link_counters
+        return None if tells is None else tells()
 
     def module(self, gtag: int) -> ModuleDescriptor:
         """The module descriptor of `gtag`. Raises ModuleMissing."""

@@ -100,6 +100,28 @@ def test_counts_are_never_lost(served):
     assert encoder.count - start == moved
 
 
+def test_a_board_tells_what_its_network_did():
+    with EmulatedBoard("7i92+7i77", clock="real") as card, EthernetServer(card) as server:
+        board = hostmot2.open(f"{server.url}?retry_ms=3&error_limit=0")
+        before = board.link_counters
+        assert (before.missed, before.retries, before.discarded) == (0, 0, 0)
+        server.set_fault("loss=100%,direction=requests")
+        with pytest.raises(errors.TransportTimeout):
+            board.read(0x100)
+        server.set_fault("")
+        board.read(0x100)
+        after = board.link_counters
+        assert after.missed == before.missed + 1
+        assert after.retries > 1
+        assert after.requests > after.replies > before.replies
+        assert not after.failed
+        board.close()
+        with pytest.raises(errors.TransportClosed):
+            _ = board.link_counters
+    with hostmot2.open("emu://5i25+7i77") as board:
+        assert board.link_counters is None
+
+
 def test_losses_are_survived_within_the_deadlines_that_a_link_has_by_itself():
     """Nothing about time is given: a lost exchange is repeated inside the time-out of a cycle."""
     with (

@@ -16,7 +16,8 @@ from hostmot2.errors import TransportError, TransportTimeout, check
 from hostmot2.ethernet.flash import Flash
 from hostmot2.ethernet.service import EthernetService
 from hostmot2.sserial.core import NORMAL, Core
-from hostmot2.transports.udp import UdpCounters, transport_over
+from hostmot2.transports.base import LinkCounters
+from hostmot2.transports.udp import transport_over
 
 CHANNELS = 0x03
 CYCLE_NS = 1_000_000
@@ -34,7 +35,7 @@ class Session:
         self.link = PeerLink(peer)
 
     @property
-    def counters(self) -> UdpCounters:
+    def counters(self) -> LinkCounters:
         return self.link.counters
 
     def cycle(self) -> None:

@@ -5,37 +5,16 @@ from __future__ import annotations
 import os
 import socket
 import struct
-from dataclasses import dataclass
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from hostmot2 import errors, lbp16
 from hostmot2._core import ffi, lib
 from hostmot2.registers import Lbp16Board, Lbp16Space
-from hostmot2.transports.base import Transport
+from hostmot2.transports.base import LinkCounters, Transport
 
 LBP_VERSION = 3
 """The first version with the scratch words that sequence numbers need."""
-
-
-@dataclass(frozen=True)
-class UdpCounters:
-    """What happened on a link since it was opened; meanings in csrc/hm2.h, hm2_udp_counters."""
-
-    exchanges: int
-    requests: int
-    replies: int
-    missed: int
-    requests_lost: int
-    writes_lost: int
-    discarded: int
-    malformed: int
-    repeated: int
-    out_of_order: int
-    foreign: int
-    retries: int
-    error_level: int
-    failed: bool
 
 
 class UdpLink:
@@ -117,12 +96,12 @@ class UdpLink:
         return list(struct.unpack(f"<{count}H", self.exchange(lbp16.read(space, address, count))))
 
     @property
-    def counters(self) -> UdpCounters:
+    def counters(self) -> LinkCounters:
         """What happened so far."""
         counters: Any = ffi.new("hm2_udp_counters *")
         lib.hm2_udp_get_counters(self.handle, counters)
-        values = {name: int(getattr(counters, name)) for name in UdpCounters.__dataclass_fields__}
-        return UdpCounters(**{**values, "failed": bool(values["failed"])})  # type: ignore[arg-type]
+        values = {name: int(getattr(counters, name)) for name in LinkCounters.__dataclass_fields__}
+        return LinkCounters(**{**values, "failed": bool(values["failed"])})  # type: ignore[arg-type]
 
     def clear(self) -> None:
         """Error level 0; forget the card's last sequence number, as after a restart of its engine."""
@@ -188,6 +167,7 @@ def transport_over(link: UdpLink, url: str) -> Transport:
         on_recover=[link.clear],
         on_give_up=[link.give_up],
         given_up=lambda: link.counters.failed,
+        link_counters=lambda: link.counters,
     )
 
 
