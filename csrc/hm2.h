@@ -70,7 +70,8 @@ typedef struct hm2_bus {
 	int64_t (*now_ns)(void *self);             /* the clock deadlines are measured on */
 	void (*pause_ns)(void *self, int64_t ns);  /* let that time pass (virtual clocks step) */
 	void (*close)(void *self);
-	/* How often an old request was carried out after a newer one, as an exchange of now has shown; from any thread.
+	/* How often an old request was carried out after a newer one, or one that writes twice, as an exchange of now
+	 * has shown; from any thread.
 	 * NULL: this bus delivers nothing late or twice. */
 	uint64_t (*out_of_order)(void *self);
 } hm2_bus;

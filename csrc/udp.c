@@ -100,7 +100,7 @@ static uint64_t udp_out_of_order(void *self)
 {
 	const struct hm2_udp *udp = self;
 
-	return __atomic_load_n(&udp->counters.out_of_order, __ATOMIC_RELAXED);
+	return __atomic_load_n(&udp->disturbances, __ATOMIC_RELAXED);
 }
 
 static void udp_close(void *self)

@@ -54,6 +54,7 @@ struct hm2_udp {
 	uint32_t sequence;   /* last one sent */
 	uint32_t confirmed;  /* newest one the card is known to have carried out */
 	int synchronized;    /* confirmed is known */
+	uint64_t disturbances; /* an old request was carried out after a newer one, or one that writes twice */
 	uint64_t wrote;      /* bit (sequence & 63): that datagram held writes */
 	uint32_t probe;      /* number of the last question what the card has carried out */
 	uint32_t probe_answer;

@@ -31,23 +31,58 @@ static void count_lost(struct hm2_udp *udp, uint32_t after, uint32_t until)
 	udp->counters.writes_lost += (uint64_t)writes;
 }
 
-/* `before` is the number the card held when it came to datagram `sequence`. */
-static void judge(struct hm2_udp *udp, uint32_t sequence, uint32_t before)
+/* Others ask for it meanwhile. */
+static void disturb(struct hm2_udp *udp)
 {
+	__atomic_fetch_add(&udp->disturbances, 1, __ATOMIC_RELAXED);
+}
+
+/* The card came to a request of `sequence` when it had carried it out, or a newer one, already. */
+static int is_again(const struct hm2_udp *udp, uint32_t sequence, uint32_t before)
+{
+	return udp->synchronized && udp->sequence - before < UDP_RECENT && before - sequence < UDP_RECENT;
+}
+
+/* Right behind itself a request that only reads disturbs nothing. */
+static void count_again(struct hm2_udp *udp, uint32_t sequence, uint32_t before)
+{
+	udp->counters.repeated++;
+	if (before != sequence || udp->sequence - sequence > 63 || udp->wrote & bit(sequence))
+		disturb(udp);
+}
+
+/* Its writes undid newer ones. */
+static void count_old(struct hm2_udp *udp, uint32_t old, uint32_t age)
+{
+	udp->counters.out_of_order++;
+	disturb(udp);
+	if (age >= 63 || udp->wrote & bit(old))
+		udp->counters.writes_lost++;
+}
+
+/* `before` is the number the card held when it came to this datagram. */
+static void judge(struct hm2_udp *udp, const struct udp_datagram *datagram, uint32_t before)
+{
+	const uint32_t sequence = datagram->sequence;
 	const uint32_t age = sequence - 1 - before;         /* 0: exactly as it should be */
 	const uint32_t open = sequence - 1 - udp->confirmed; /* how many before it were in doubt */
 
-	if (!udp->synchronized || age == 0)
+	if (!udp->synchronized)
 		return;
 	if (before == sequence) {
-		udp->counters.repeated++;
+		count_again(udp, sequence, before);
+	} else if (age < sequence - datagram->first) {
+		/* an earlier sending of it came after all */
+		if (datagram->writes)
+			count_again(udp, sequence, before);
+	} else if (age == 0) {
+		return;
+	} else if (is_again(udp, sequence, before)) {
+		count_old(udp, sequence, udp->sequence - sequence);
 	} else if (age <= open && open < UDP_RECENT) {
 		count_lost(udp, before, sequence - 1);
 	} else if (age < UDP_RECENT) {
-		__atomic_fetch_add(&udp->counters.out_of_order, 1, __ATOMIC_RELAXED); /* others ask for it meanwhile */
-		/* an old request came late: its writes undid newer ones */
-		if (age >= 63 || udp->wrote & bit(before))
-			udp->counters.writes_lost++;
+		count_old(udp, before, age);
 	} else {
 		udp->counters.foreign++;
 	}
@@ -74,7 +109,7 @@ static void take(struct hm2_udp *udp, struct udp_datagram *datagram, const uint8
 	datagram->answered = 1;
 	udp->unanswered--;
 	udp->counters.replies++;
-	judge(udp, datagram->sequence, udp_get32(reply));
+	judge(udp, datagram, udp_get32(reply));
 	confirm(udp, datagram->sequence);
 }
 
@@ -109,5 +144,8 @@ int udp_receive(struct hm2_udp *udp, const uint8_t *reply, size_t length)
 		return 0;
 	}
 	udp->counters.discarded++;
+	/* a reply that came twice tells of an older number; one to a request that was carried out twice does not */
+	if (is_again(udp, sequence, udp_get32(reply)))
+		count_again(udp, sequence, udp_get32(reply));
 	return 0;
 }

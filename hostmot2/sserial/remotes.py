@@ -244,10 +244,10 @@ class Remotes:
             broken: Exception | None = None
             try:
                 found = describe(self._core, number, mode)
-            except (BrokenTable, StaleRequest) as problem:
+            except (BrokenTable, RemoteSilent, StaleRequest) as problem:
                 broken = problem
             noisy = self._core.line_errors(number)
-            if not noisy and not self._core.disturbed(number):
+            if not self._core.disturbed(number) and (not noisy or isinstance(broken, RemoteSilent)):
                 if broken is not None:
                     raise broken
                 return found
@@ -271,7 +271,7 @@ class Remotes:
         usual = {number: self._core.read_local(place, 4) for number, place in places.items()}
         try:
             self._rates(places, dict.fromkeys(places, SETUP_BAUD.to_bytes(4, "little")))
-            self._core.start(mask, SETUP, {})
+            self.start(mask, SETUP)
             for number in numbers(mask & self._core.started):
                 found, channel = self._core.identity(number), self._channels[number]
                 name = found.name or "a remote"

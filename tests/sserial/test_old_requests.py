@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from faults.world import World
 
 from hostmot2 import Board
 from hostmot2._core import ffi, lib
@@ -25,7 +26,10 @@ GAIN, OTHER = 0x320, 0x310
 
 
 class Network(BusAround):
-    """Behind the `at`-th commands of a kind from now on, the words of `old` reach the card once more."""
+    """Behind the `at`-th commands of a kind from now on, the words of `old` reach the card once more.
+
+    only_before: not before this register is accessed.
+    """
 
     def __init__(self, card: EmulatedBoard) -> None:
         super().__init__(transport_of(card))
@@ -35,9 +39,12 @@ class Network(BusAround):
         self.seen = self.delivered = 0
         self.command = 0
         self._due = False
+        self.only_before = 0
 
     def begin(self, transfers, count, error):
-        if self._due:
+        if self._due and (
+            not self.only_before or any(p[0] == self.only_before for p in places(transfers, count))
+        ):
             self._due = False
             self._deliver()
         for address, write, words, index in places(transfers, count):
@@ -62,11 +69,14 @@ class Network(BusAround):
             transfer = ffi.new("hm2_transfer *", (address, 1, lib.HM2_TRANSFER_WRITE, words))
             assert super().begin(transfer, 1, error) == lib.HM2_OK
             assert super().finish(self.now_ns() + 1_000_000, error) == lib.HM2_OK
+            self.pause_ns(25_000 if address == self.command else 0)
         self.pause_ns(1_000_000)
 
 
 DOIT = SslbpCommand.DOIT
 READ_LOCAL = SslbpCommand.READ_LOCAL
+WRITE_LOCAL = SslbpCommand.WRITE_LOCAL
+START = SslbpCommand.START_NORMAL
 EVERY = set(range(1, 100))
 
 
@@ -181,3 +191,66 @@ def test_a_start_that_is_disturbed_each_time_leaves_nothing_started(network, hm2
     assert port.started == 0
     network.deliver(0, set(), [])
     assert port.start(0x01).started == 0x01
+
+
+def test_a_remote_is_not_silent_because_an_old_request_stopped_it(network, hm2):
+    """Behind a start of none a stopped channel shows its DATA bit, as one that does not answer."""
+    port = hm2.sserial[0]
+    truth = port.scan()[0].description
+    network.deliver(DOIT, {8}, [(network.command, SslbpCommand.STOP | 1), (network.command, START | 2)])
+    row = port.scan()[0]
+    assert (row.reason, row.description) == ("ok", truth)
+    assert network.delivered == 1
+
+
+def test_nobody_has_a_setup_jumper_because_an_old_request_came(network, hm2):
+    port = hm2.sserial[0]
+    truth = [row.reason for row in port.scan(setup_rate=True)]
+    network.only_before = network.data
+    network.deliver(SslbpCommand.START_SETUP, {2}, [(network.command, DOIT)])
+    assert [row.reason for row in port.scan(setup_rate=True)] == truth
+    assert network.delivered == 1
+
+
+def test_a_local_variable_is_written_again(network, hm2):
+    port = hm2.sserial[0]
+    port.write_local(0x10, 0x12)
+    network.deliver(WRITE_LOCAL, {1}, [(network.data, 0x34), (network.command, WRITE_LOCAL | 0x10)])
+    port.write_local(0x10, 0x56)
+    assert port.read_local(0x10) == 0x56
+    assert network.delivered == 1
+
+
+@pytest.fixture
+def world() -> Iterator[World]:
+    world = World("datagrams")
+    world.open()
+    yield world
+    world.drop()
+
+
+def deliver_again(world: World, step: int, delay_ns: int) -> None:
+    world.faults.plan([{"step": step, "kind": lib.HM2_FAULT_TWICE, "value": delay_ns}])
+
+
+@pytest.mark.parametrize("delay_ns", [500, 1000, 2000, 4000, 100_000])
+def test_a_command_that_comes_twice_at_once_spoils_no_value(world, delay_ns):
+    """The second is lost, and DATA shows 0xFF a moment later (sslbp_observed.md)."""
+    port = world.port
+    truth = port.read_local(0x230, 4)
+    for step in range(1, 50):
+        deliver_again(world, step, delay_ns)
+        assert port.read_local(0x230, 4) == truth
+
+
+def test_a_channel_is_stopped_although_an_old_request_was_at_work(world):
+    """A stop over a DOIT stops nobody, and says nothing (sslbp_observed.md)."""
+    port = world.port
+    for delay_us in range(600, 1000, 10):
+        port.start(1, "setup")
+        port.read_remote(0, 0x310, 2)
+        deliver_again(world, 3, delay_us * 1000)
+        port.read_remote(0, 0x310, 2)
+        port.stop(1)
+        assert str(port.read_status(0)).startswith("stopped")
+        port.pause(0.001)
