@@ -74,9 +74,10 @@ def _watch_signals() -> None:
     if threading.current_thread() is not threading.main_thread():
         return
     for number in SIGNALS:
-        if signal.getsignal(number) is signal.SIG_DFL or number in _told:
-            _told.discard(number)
+        handler = signal.getsignal(number)
+        if handler is signal.SIG_DFL or (handler is signal.SIG_IGN and number in _told):
             signal.signal(number, _end)
+        _told.discard(number)
 
 
 def _end(number: int, frame: FrameType | None) -> None:

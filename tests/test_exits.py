@@ -122,6 +122,21 @@ print('deaf', flush=True)
     assert ddr(card) == OFF
 
 
+def test_a_handler_set_behind_the_end_stays_when_a_board_is_opened_again(card: Path) -> None:
+    end = f"""
+try:
+    signal.raise_signal(signal.SIGTERM)
+except SystemExit:
+    signal.signal(signal.SIGTERM, lambda *_: print('mine', flush=True))
+    board = hostmot2.open('pci://{card}')
+    signal.raise_signal(signal.SIGTERM)
+    time.sleep(0)
+"""
+    process = start(card, end)
+    out, _ = process.communicate(timeout=20)
+    assert (process.returncode, out) == (0, b"mine\n")
+
+
 def test_outputs_are_off_at_once_even_if_a_thread_keeps_the_process_alive(card: Path) -> None:
     thread = "threading.Thread(target=lambda: print(sys.stdin.readline())).start()"
     end = f"{thread}; print('waiting', flush=True); time.sleep(30)"  # the signal must find the thread there
