@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Self, TypeVar
 
+from hostmot2.errors import StaleRequest
 from hostmot2.lbp import frame
 from hostmot2.lbp.errors import LbpError, LineSilent, RemoteRefused, WrongAnswer, status_names
 from hostmot2.lbp.frame import Command
@@ -70,7 +71,11 @@ class Conversation:
     # -- one command, confirmed
 
     def _once(self, command: Command, timeout_s: float = NORMAL_S) -> bytes:
-        return self.link.transact(command, timeout_s)
+        try:
+            return self.link.transact(command, timeout_s)
+        except StaleRequest:
+            self._sick = True  # the old one may have selected another memory space
+            raise
 
     def _confirmed(self, operation: Callable[[], T]) -> T:
         """The operation's result once it went through and the remote says that it misheard nothing."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from hostmot2.errors import StaleRequest
 from hostmot2.register_map import Register
-from hostmot2.sserial.core import Core
+from hostmot2.sserial.core import Core, stale
 from hostmot2.sserial.counters import ChannelCounters
 from hostmot2.sserial.errors import PortRunning, RemoteSilent
 
@@ -170,10 +170,14 @@ class PortMemory(ABC):
     def access_remote(self, channel: int, command: int, address: int = 0, value: int = 0) -> int:
         """One LBP command (0x40..0x7F data, 0xC0..0xFF local) passed through in setup mode, once.
 
-        Raises PortRunning, NoRemote, RemoteSilent, ValueError.
+        Raises PortRunning, NoRemote, RemoteSilent, ValueError. StaleRequest: an old request came now, or
+        since the last one, so that the remote's pointer and memory space may be others.
         """
         with self._lock:
+            disturbed = self.started >> channel & 1 and self._core.disturbed(channel)
             self._enter_setup(channel)
+            if disturbed:
+                raise stale(self._core.number, f"channel {channel} was in setup mode")
             self._remotes.note_write(channel)
             return self._core.access(channel, command, address, value)
 

@@ -15,8 +15,9 @@ from hostmot2 import Board
 from hostmot2._core import ffi, lib
 from hostmot2.emulator import EmulatedBoard
 from hostmot2.errors import StaleRequest
+from hostmot2.lbp.card import open_channel
 from hostmot2.recording.bus import BusAround, places
-from hostmot2.registers import Gtag, Sserial, SslbpCommand
+from hostmot2.registers import Gtag, LbpSpace, Sserial, SslbpCommand
 from hostmot2.transports.emulated import transport_of
 
 from .remotes import field_io
@@ -89,7 +90,9 @@ def network() -> Iterator[Network]:
         field.poke(GAIN, b"\x47")
         field.poke(OTHER, b"\x11")
         card.sserial[0].attach(0, field, through_pins=True)
-        yield Network(card)
+        network = Network(card)
+        network.field = field
+        yield network
 
 
 @pytest.fixture
@@ -98,6 +101,7 @@ def hm2(network) -> Iterator[Board]:
         module = next(module for module in board.modules if module.gtag == Gtag.SSERIAL)
         network.command = module.register_address(Sserial.command.number)
         network.cs = module.register_address(Sserial.cs.number)
+        network.user0 = module.register_address(Sserial.user0.number)
         network.data = module.register_address(Sserial.data.number)
         yield board
 
@@ -219,6 +223,23 @@ def test_a_local_variable_is_written_again(network, hm2):
     port.write_local(0x10, 0x56)
     assert port.read_local(0x10) == 0x56
     assert network.delivered == 1
+
+
+@pytest.mark.parametrize("kind", [DOIT, READ_LOCAL])
+def test_an_lbp_client_does_not_read_the_memory_space_that_an_old_request_selected(network, hm2, kind):
+    """Nor if it came between two of its commands, and was noticed by something else."""
+    network.field.poke(GAIN, b"\x99", space=LbpSpace.EEPROM)
+    port = hm2.sserial[0]
+    with open_channel(port, 0) as remote:
+        assert remote.read_remote(GAIN) == 0x47
+        select = [(network.user0, LbpSpace.EEPROM), (network.cs, 0xEC << 24), (network.command, DOIT | 1)]
+        network.deliver(kind, {1}, select)
+        if kind == READ_LOCAL:
+            port.read_local(0)
+        with pytest.raises(StaleRequest):
+            remote.read_remote(GAIN)
+        assert network.delivered == 1
+        assert remote.read_remote(GAIN) == 0x47
 
 
 @pytest.fixture
