@@ -88,11 +88,24 @@ static void gather_outputs(struct hm2_sserial *port)
 	}
 }
 
+/* Channels that were asked and are stopped: an old STOP that a network delivered once more. Their bits in DATA are
+ * clear and their registers 0 (sslbp_observed.md, DOIT). */
+static uint32_t stopped(const struct hm2_sserial *port)
+{
+	const struct sserial_lists *lists = &port->lists;
+	uint32_t mask = 0;
+	for (uint32_t channel = 0; channel < port->config.channels; channel++) {
+		if (lists->in[0][channel] & HM2_CS_STATUS_NOT_READY << HM2_SSERIAL_CS_STATUS_LSB)
+			mask |= 1u << channel;
+	}
+	return mask;
+}
+
 /* Inputs of a channel whose transfer failed are left alone: the registers hold nothing new. */
 int sserial_take_results(struct hm2_sserial *port)
 {
 	struct sserial_lists *lists = &port->lists;
-	const uint32_t failed = lists->data & lists->mask;
+	const uint32_t failed = (lists->data | stopped(port)) & lists->mask;
 	port->counters.doits++;
 	for (uint32_t channel = 0; channel < port->config.channels; channel++) {
 		const uint32_t bit = 1u << channel;

@@ -242,6 +242,23 @@ def test_an_lbp_client_does_not_read_the_memory_space_that_an_old_request_select
         assert remote.read_remote(GAIN) == 0x47
 
 
+@pytest.mark.parametrize("command", [SslbpCommand.STOP, SslbpCommand.STOP | 1])
+def test_a_running_channel_that_an_old_request_stopped_has_failed_and_keeps_its_inputs(network, hm2, command):
+    """Its bit in DATA is clear and its registers read 0 (sslbp_observed.md)."""
+    port = hm2.sserial[0]
+    port.start(0x01)
+    network.field.inputs = b"\x55\xaa\x55\xaa"
+    assert port.doit().failed == 0
+    before = str(port.channels[0].inputs)
+    hm2.write(network.command, command)
+    port.pause(0.001)
+    for _ in range(3):
+        assert port.doit().failed == 0x01
+        assert str(port.channels[0].inputs) == before
+    assert port.start(0x01).started == 0x01
+    assert port.doit().failed == 0
+
+
 @pytest.fixture
 def world() -> Iterator[World]:
     world = World("datagrams")
