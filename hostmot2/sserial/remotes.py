@@ -208,6 +208,7 @@ class Remotes:
         before = {number: self._channels[number].description for number in numbers(mask)}
         self.unsure &= ~mask
         self.written &= ~mask
+        self.looked &= ~mask  # until it is done: what breaks off has seen nobody
         for number in numbers(mask):
             self._channels[number].description, self._channels[number].problem = None, None
         self.start(mask, SETUP)

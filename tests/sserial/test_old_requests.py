@@ -207,6 +207,17 @@ def test_a_remote_is_not_silent_because_an_old_request_stopped_it(network, hm2):
     assert network.delivered == 1
 
 
+def test_a_scan_that_was_disturbed_each_time_is_done_again_when_its_remotes_are_asked_for(network, hm2):
+    port = hm2.sserial[0]
+    truth = port.scan()[0].description
+    network.deliver(SslbpCommand.START_SETUP, EVERY, [(network.cs, 1 << 24)])
+    with pytest.raises(StaleRequest):
+        port.scan()
+    network.deliver(0, set(), [])
+    assert port.channels[0].parameters
+    assert port.channels[0].description == truth
+
+
 def test_nobody_has_a_setup_jumper_because_an_old_request_came(network, hm2):
     port = hm2.sserial[0]
     truth = [row.reason for row in port.scan(setup_rate=True)]
