@@ -59,6 +59,25 @@ def test_not_while_the_port_runs_and_not_without_a_remote(card: EmulatedBoard) -
             open_channel(board.sserial[0], 0)
 
 
+def test_a_channel_has_its_checksum_again_whatever_ended_the_look_without_one(
+    card: EmulatedBoard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with hostmot2.open(card) as board:
+        port = board.sserial[0]
+        failures = iter(
+            [NoRemote("nobody"), RemoteSilent("the line"), NoRemote("nobody"), KeyboardInterrupt()]
+        )
+
+        def fail(channel: int) -> None:
+            raise next(failures)
+
+        monkeypatch.setattr(port, "restart_setup", fail)
+        for expected in (RemoteSilent, KeyboardInterrupt):
+            with pytest.raises(expected):
+                open_channel(port, 0)
+            assert port.channels[0].crc
+
+
 def test_an_8i20_whose_crc_is_off_is_found_and_the_channel_put_back(card: EmulatedBoard) -> None:
     """sserial.md 7.4."""
     drive = catalog.remote("8i20")
