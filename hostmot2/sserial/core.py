@@ -33,7 +33,6 @@ INTERFACE_TYPE = 0x12
 LAST_LOCAL_ADDRESS = 0xFFF
 
 TRIES = 4
-"""So often is done what can be done again without harm, until no old request came between."""
 
 _MODES = {lib.HM2_SSERIAL_NORMAL: "normal", lib.HM2_SSERIAL_SETUP: "setup"}
 _WORDS_PER_CHANNEL = lib.HM2_SSERIAL_DATA_REGISTERS
@@ -88,6 +87,15 @@ class Core:
         """
         return self.out_of_order != self._order.get(channel)
 
+    def _repeat(self, what: str, call: Callable[[], int]) -> None:
+        """Do what can be done again without harm, until no old request came between. Raises StaleRequest."""
+        for _ in range(TRIES):
+            before = self.out_of_order
+            self.check(call())
+            if self.out_of_order == before:
+                return
+        raise stale(self.number, what)
+
     # -- state
 
     @property
@@ -135,12 +143,8 @@ class Core:
 
     def stop(self, mask: int = 0) -> None:
         """Stop channels; 0: STOP ALL. Again if an old request came between: over a DOIT it stops nobody."""
-        for _ in range(TRIES):
-            before = self.out_of_order
-            self.check(lib.hm2_sserial_stop(self.handle, mask, self.error))
-            if self.out_of_order == before:
-                return
-        raise stale(self.number, f"channels {mask or self.existing:#04x} were stopped")
+        what = f"channels {mask or self.existing:#04x} were stopped"
+        self._repeat(what, lambda: lib.hm2_sserial_stop(self.handle, mask, self.error))
 
     def cycle(self, mask: int) -> tuple[int, int]:
         """One step of the pipeline: failed channels (and HM2_SSERIAL_NEWS), and whom that speaks of."""
@@ -169,22 +173,17 @@ class Core:
         """Bytes of the firmware's memory."""
         _check_local(address, count)
         data = ffi.new("uint8_t[]", count)
-        for _ in range(TRIES):
-            before = self.out_of_order
-            self.check(lib.hm2_sserial_read_local(self.handle, address, data, count, self.error))
-            if self.out_of_order == before:
-                return bytes(data)
-        raise stale(self.number, f"local address {address:#05x} was read")
+        what = f"local address {address:#05x} was read"
+        self._repeat(what, lambda: lib.hm2_sserial_read_local(self.handle, address, data, count, self.error))
+        return bytes(data)
 
     def write_local(self, address: int, data: bytes) -> None:
         """Write bytes into the firmware's memory."""
         _check_local(address, len(data))
-        for _ in range(TRIES):
-            before = self.out_of_order
-            self.check(lib.hm2_sserial_write_local(self.handle, address, data, len(data), self.error))
-            if self.out_of_order == before:
-                return
-        raise stale(self.number, f"local address {address:#05x} was written")
+        what = f"local address {address:#05x} was written"
+        self._repeat(
+            what, lambda: lib.hm2_sserial_write_local(self.handle, address, data, len(data), self.error)
+        )
 
     def block(self, channel: int) -> int:
         """Address of a channel's variables. Raises NoFirmware for SSLBP before 1.34, which does not tell."""
