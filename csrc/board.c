@@ -99,9 +99,9 @@ void hm2_board_pause_ns(struct hm2_board *board, int64_t ns)
 		board->bus.pause_ns(board->bus.self, ns);
 }
 
-uint64_t hm2_board_out_of_order(struct hm2_board *board)
+uint64_t hm2_board_disturbances(struct hm2_board *board)
 {
-	return board->open && board->bus.out_of_order ? board->bus.out_of_order(board->bus.self) : 0;
+	return board->open && board->bus.disturbances ? board->bus.disturbances(board->bus.self) : 0;
 }
 
 void hm2_board_set_gate(struct hm2_board *board, int shut)

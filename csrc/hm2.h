@@ -71,9 +71,8 @@ typedef struct hm2_bus {
 	void (*pause_ns)(void *self, int64_t ns);  /* let that time pass (virtual clocks step) */
 	void (*close)(void *self);
 	/* How often an old request was carried out after a newer one, or one that writes twice, as an exchange of now
-	 * has shown; from any thread.
-	 * NULL: this bus delivers nothing late or twice. */
-	uint64_t (*out_of_order)(void *self);
+	 * has shown; from any thread. NULL: this bus delivers nothing late or twice. */
+	uint64_t (*disturbances)(void *self);
 } hm2_bus;
 
 /* ---- the board (board.c): checked words over any bus ------------------------------------- */
@@ -101,7 +100,7 @@ void hm2_board_get_counters(const struct hm2_board *board, hm2_board_counters *c
 int64_t hm2_board_now_ns(struct hm2_board *board);
 void hm2_board_pause_ns(struct hm2_board *board, int64_t ns);
 /* As the bus tells it; 0 after close. What takes several exchanges is good only if this has not changed meanwhile. */
-uint64_t hm2_board_out_of_order(struct hm2_board *board);
+uint64_t hm2_board_disturbances(struct hm2_board *board);
 
 /* While the gate is shut every list with a write in it fails with HM2_ERR_GATED and nothing is sent. Shut by
  * a watchdog bite; opened by whoever has decided that the machine may move again. */

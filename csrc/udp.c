@@ -96,7 +96,7 @@ static void udp_pause_ns(void *self, int64_t ns)
 	udp->carrier.pause_ns(udp->carrier.self, ns);
 }
 
-static uint64_t udp_out_of_order(void *self)
+static uint64_t udp_disturbances(void *self)
 {
 	const struct hm2_udp *udp = self;
 
@@ -138,7 +138,7 @@ int hm2_udp_carrier_bus(const hm2_carrier *carrier, const hm2_udp_config *config
 	self->carrier = *carrier;
 	draw_numbers(self);
 	*bus = (hm2_bus){self, udp_begin, udp_finish, udp_now_ns, udp_pause_ns, udp_close,
-	                 udp_out_of_order};
+	                 udp_disturbances};
 	*udp = self;
 	return HM2_OK;
 }

@@ -58,6 +58,6 @@ int hm2_emulator_bus(hm2_emulator *card, hm2_bus *out)
 	out->now_ns = bus_now_ns;
 	out->pause_ns = bus_pause_ns;
 	out->close = bus_close;
-	out->out_of_order = NULL;
+	out->disturbances = NULL;
 	return HM2_OK;
 }

@@ -31,7 +31,7 @@ class BusAround:
             "now_ns": ("int64_t(void *)", lambda _self: self.now_ns()),
             "pause_ns": ("void(void *, int64_t)", lambda _self, ns: self.pause_ns(ns)),
             "close": ("void(void *)", lambda _self: self._bus.close(self._bus.self)),
-            "out_of_order": ("uint64_t(void *)", lambda _self: self.out_of_order()),
+            "disturbances": ("uint64_t(void *)", lambda _self: self.disturbances()),
         }
         bus: Any = ffi.new("hm2_bus *")
         callbacks = {name: ffi.callback(*each, error=-1) for name, each in signatures.items() if name in _INT}
@@ -64,9 +64,9 @@ class BusAround:
         """Let time pass."""
         self._bus.pause_ns(self._bus.self, ns)
 
-    def out_of_order(self) -> int:
-        """How often an old request was carried out after a newer one; 0 from a bus where that cannot be."""
-        tells = self._bus.out_of_order
+    def disturbances(self) -> int:
+        """How often an old request was carried out once more; 0 from a bus where that cannot be."""
+        tells = self._bus.disturbances
         return int(tells(self._bus.self)) if tells else 0
 
     def _begin(self, _self: Any, transfers: Any, count: int, error: Any) -> int:

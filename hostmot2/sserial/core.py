@@ -60,7 +60,7 @@ class Core:
         self._requested = ffi.new("uint32_t *")
         self.revision = ""
         self.clock_hz = 0
-        self._order: dict[int, int] = {}  # of channels, out_of_order before their start
+        self._at_start: dict[int, int] = {}  # of channels: disturbances before it
         self._block = (0, 0)  # address of channel 0's variables, distance of channels
         config = ffi.new("hm2_sserial_config *", (base, *strides, instance, self.channels, registers))
         handle = ffi.new("struct hm2_sserial **")
@@ -76,23 +76,23 @@ class Core:
         return status
 
     @property
-    def out_of_order(self) -> int:
-        """How often the card has carried out an old request after a newer one (lbp16.md 2)."""
-        return int(lib.hm2_board_out_of_order(self._board))
+    def disturbances(self) -> int:
+        """How often the card has carried out an old request once more (lbp16.md 2)."""
+        return int(lib.hm2_board_disturbances(self._board))
 
     def disturbed(self, channel: int) -> bool:
         """Whether the card has carried out an old request since the channel was started.
 
         It may have been a stop, or a start in another mode: what such a channel answers is not the remote's.
         """
-        return self.out_of_order != self._order.get(channel)
+        return self.disturbances != self._at_start.get(channel)
 
     def _repeat(self, what: str, call: Callable[[], int]) -> None:
         """Do what can be done again without harm, until no old request came between. Raises StaleRequest."""
         for _ in range(TRIES):
-            before = self.out_of_order
+            before = self.disturbances
             self.check(call())
-            if self.out_of_order == before:
+            if self.disturbances == before:
                 return
         raise stale(self.number, what)
 
@@ -138,7 +138,7 @@ class Core:
         """Start channels; returns the mask of those that did not start."""
         for channel, software_mode in software_modes.items():
             lib.hm2_sserial_set_software_mode(self.handle, channel, software_mode)
-        self._order |= dict.fromkeys(numbers(mask & ~self.started), self.out_of_order)
+        self._at_start |= dict.fromkeys(numbers(mask & ~self.started), self.disturbances)
         return self.check(lib.hm2_sserial_start(self.handle, mask, mode, self.error))
 
     def stop(self, mask: int = 0) -> None:

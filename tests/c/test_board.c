@@ -66,13 +66,13 @@ static void test_old_requests_are_counted_by_a_bus_that_can_tell(void)
 {
 	struct bus bus;
 	struct hm2_board *board = board_on(&bus);
-	CHECK(hm2_board_out_of_order(board) == 0);
+	CHECK(hm2_board_disturbances(board) == 0);
 	hm2_board_free(board);
 	const hm2_bus telling = {&bus, begin, finish, now_ns, pause_ns, close_bus, three};
 	CHECK(hm2_board_open(&telling, &board, NULL) == HM2_OK);
-	CHECK(hm2_board_out_of_order(board) == 3);
+	CHECK(hm2_board_disturbances(board) == 3);
 	hm2_board_close(board);
-	CHECK(hm2_board_out_of_order(board) == 0);
+	CHECK(hm2_board_disturbances(board) == 0);
 	hm2_board_free(board);
 }
 

@@ -54,7 +54,7 @@ class Network(BusAround):
                 self._due = self.seen in self.at
         return super().begin(transfers, count, error)
 
-    def out_of_order(self):
+    def disturbances(self):
         return self.delivered
 
     def deliver(self, kind: int, at: set[int], old: list[tuple[int, int]]) -> None:
